@@ -1,0 +1,153 @@
+"""A log of joint motion and motor current."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Any, Protocol
+
+import numpy as np
+
+from ident.arrays import FloatArray, IntArray
+from ident.errors import InputError
+
+
+@dataclass(frozen=True, eq=False)
+class Sample:
+    """One instant of a log: ``t`` [s], ``q`` [rad or m], ``current`` [the card's unit], each (n,).
+
+    ``dq`` and ``ddq`` are the measured derivatives where the robot reports them.
+    """
+
+    t: float
+    q: FloatArray
+    current: FloatArray
+    dq: FloatArray | None = None
+    ddq: FloatArray | None = None
+
+
+class LogSource(Protocol):
+    """Something that can be walked as a log without holding all of it in memory."""
+
+    @property
+    def name(self) -> str:
+        """Stem of the file the log came from."""
+
+    def blocks(self, rows: int) -> Iterator[JointLog]:
+        """Yield consecutive pieces of at most ``rows`` rows, none of them across a segment's end."""
+
+    def read(self) -> JointLog:
+        """Return the whole log in memory."""
+
+
+@dataclass(frozen=True, eq=False)
+class JointLog:
+    """Motion and current of an n-joint robot at N instants; rows of one segment are contiguous in time.
+
+    Attributes:
+        t: time [s], (N,), strictly increasing inside a segment, not necessarily uniform.
+        q: joint positions [rad, prismatic m], (N, n).
+        current: motor currents in the card's unit, positive drives +q, (N, n).
+        dq, ddq: measured velocities and accelerations where logged, (N, n).
+        tau_ext: true external joint torque [N m] where known, positive acts along +q, (N, n).
+        wrench: wrench at the tool (fx fy fz mx my mz) [N, N m] where measured, (N, 6).
+        temperature: joint temperatures [degC] where measured, (N, n).
+        segment: number of the segment each row belongs to, (N,); default one segment.
+        name: stem of the file the log came from.
+    """
+
+    t: FloatArray
+    q: FloatArray
+    current: FloatArray
+    dq: FloatArray | None = None
+    ddq: FloatArray | None = None
+    tau_ext: FloatArray | None = None
+    wrench: FloatArray | None = None
+    temperature: FloatArray | None = None
+    segment: IntArray = dataclasses.field(default_factory=lambda: np.zeros(0, dtype=np.int64))
+    name: str = "log"
+
+    def __post_init__(self) -> None:
+        rows = len(self.t)
+        if len(self.segment) == 0 and rows:
+            object.__setattr__(self, "segment", np.zeros(rows, dtype=np.int64))
+        for field in dataclasses.fields(self):
+            value = getattr(self, field.name)
+            if not isinstance(value, np.ndarray):
+                continue
+            if len(value) != rows:
+                raise InputError(
+                    f"{field.name} has {len(value)} rows where t has {rows}", f"log {self.name}", "give one row a sample"
+                )
+            value.flags.writeable = False
+
+    def __len__(self) -> int:
+        return len(self.t)
+
+    def __getitem__(self, rows: slice) -> JointLog:
+        """Return the rows of a slice as a log of its own (views, no copies)."""
+        return self._map(lambda value: value[rows])
+
+    @property
+    def n(self) -> int:
+        """Number of joints."""
+        return int(self.q.shape[1])
+
+    @property
+    def rate(self) -> float:
+        """Sampling rate [Hz]: one over the median time step inside segments."""
+        steps = np.diff(self.t)[np.diff(self.segment) == 0]
+        if len(steps) == 0:
+            raise InputError("fewer than two rows in every segment", f"log {self.name}", "give a longer log")
+        return float(1.0 / np.median(steps))
+
+    def segments(self) -> list[slice]:
+        """Rows of each segment, in order."""
+        edges = np.flatnonzero(np.diff(self.segment)) + 1
+        bounds = [0, *edges.tolist(), len(self)]
+        return [slice(a, b) for a, b in zip(bounds[:-1], bounds[1:], strict=True) if b > a]
+
+    def blocks(self, rows: int) -> Iterator[JointLog]:
+        """Yield consecutive pieces of at most ``rows`` rows, none of them across a segment's end."""
+        for segment in self.segments():
+            for start in range(segment.start, segment.stop, rows):
+                yield self[start : min(start + rows, segment.stop)]
+
+    def read(self) -> JointLog:
+        """Return the log itself: it is in memory already."""
+        return self
+
+    def samples(self) -> Iterator[Sample]:
+        """Yield the rows one by one, as a control loop would see them."""
+        for k in range(len(self)):
+            yield Sample(
+                float(self.t[k]),
+                self.q[k],
+                self.current[k],
+                None if self.dq is None else self.dq[k],
+                None if self.ddq is None else self.ddq[k],
+            )
+
+    def replace(self, **changes: Any) -> JointLog:
+        """Return the log with some of its arrays replaced."""
+        return dataclasses.replace(self, **changes)
+
+    def _map(self, take: Any) -> JointLog:
+        arrays = {f.name: getattr(self, f.name) for f in dataclasses.fields(self)}
+        return JointLog(**{k: take(v) if isinstance(v, np.ndarray) else v for k, v in arrays.items()})
+
+
+def concatenate(logs: list[JointLog], name: str = "log") -> JointLog:
+    """Join logs of one robot end to end, each beginning segments of its own; columns missing in one are dropped."""
+    arrays: dict[str, Any] = {}
+    for field in dataclasses.fields(JointLog):
+        values = [getattr(log, field.name) for log in logs]
+        if field.name not in ("segment", "name") and all(v is not None for v in values):
+            arrays[field.name] = np.concatenate(values)
+    segment: list[IntArray] = []
+    first = 0
+    for log in logs:
+        segment.append(np.cumsum(np.diff(log.segment, prepend=log.segment[:1]) != 0) + first)
+        first = int(segment[-1][-1]) + 1 if len(log) else first
+    return JointLog(**arrays, segment=np.concatenate(segment), name=name)
