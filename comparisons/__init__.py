@@ -1,0 +1,1 @@
+"""Side by side: virtual robot, protocols, metrics, experiments, reports, command line."""

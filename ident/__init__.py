@@ -1,0 +1,1 @@
+"""The robot, its logs, the physics, identification and the gap workflow."""

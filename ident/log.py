@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import itertools
 from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any, Protocol
@@ -77,10 +78,11 @@ class JointLog:
             if not isinstance(value, np.ndarray):
                 continue
             if len(value) != rows:
-                raise InputError(
-                    f"{field.name} has {len(value)} rows where t has {rows}", f"log {self.name}", "give one row a sample"
-                )
-            value.flags.writeable = False
+                what = f"{field.name} has {len(value)} rows where t has {rows}"
+                raise InputError(what, f"log {self.name}", "give one row a sample")
+            frozen = value.view()
+            frozen.flags.writeable = False
+            object.__setattr__(self, field.name, frozen)
 
     def __len__(self) -> int:
         return len(self.t)
@@ -106,7 +108,7 @@ class JointLog:
         """Rows of each segment, in order."""
         edges = np.flatnonzero(np.diff(self.segment)) + 1
         bounds = [0, *edges.tolist(), len(self)]
-        return [slice(a, b) for a, b in zip(bounds[:-1], bounds[1:], strict=True) if b > a]
+        return [slice(a, b) for a, b in itertools.pairwise(bounds) if b > a]
 
     def blocks(self, rows: int) -> Iterator[JointLog]:
         """Yield consecutive pieces of at most ``rows`` rows, none of them across a segment's end."""

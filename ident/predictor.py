@@ -10,7 +10,8 @@ from ident.log import JointLog, Sample
 class CurrentPredictor(Protocol):
     """Predicts the motor currents of a robot that touches nothing.
 
-    ``step`` after ``reset``, sample by sample, gives what ``predict(log, causal=True)`` gives for the whole log (to 1e-9).
+    ``step`` after ``reset``, sample by sample, gives what ``predict(log, causal=True)`` gives for the whole log
+    (to 1e-9).
     """
 
     @property

@@ -1,0 +1,1 @@
+"""Networks that predict motor current, with memory of motion."""

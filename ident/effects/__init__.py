@@ -1,0 +1,1 @@
+"""The catalogue: one physical cause of current a class, one family a file."""
