@@ -1,0 +1,188 @@
+"""Refuses a log that would make every later figure wrong, naming file, row and column."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ident.arrays import Array, FloatArray
+from ident.errors import InputError
+from ident.log import JointLog
+
+if TYPE_CHECKING:
+    from ident.robot import Robot
+
+SHORTEST_STEP = 20e-6
+"""Median time step [s] below which the time unit must be wrong (50 kHz)."""
+LONGEST_STEP = 1.0
+"""Median time step [s] above which the time unit must be wrong."""
+LIMIT_MARGIN = 0.2
+"""Least excess over a joint limit [rad or m] that is refused: real robots overrun a limit by a little."""
+DEGREES_FACTOR = 2.5
+"""Positions beyond the limits by this factor are taken for degrees."""
+UNLIMITED_TURNS = 20 * np.pi
+"""Positions [rad] of a joint without limits beyond this are taken for degrees (63 degrees, or ten turns)."""
+SPEED_FACTOR = 5.0
+"""Typical fast motion above the speed limit by this factor betrays a wrong unit of time."""
+
+
+class LogChecker:
+    """Checks a log piece by piece.
+
+    Rows are counted from 1, the first row of data, over all pieces.
+
+    Args:
+        robot: whose log it is.
+        path: of the file, for messages.
+    """
+
+    def __init__(self, robot: Robot, path: Path) -> None:
+        self.robot = robot
+        self.where = str(path)
+        self.rows = 0
+        self._last_t = np.nan
+        self._last_segment = 0
+
+    def check(self, piece: JointLog, names: Mapping[str, tuple[str, ...]] | None = None) -> JointLog:
+        """Return the piece as it is, or refuse it.
+
+        Args:
+            piece: rows that follow those checked before.
+            names: column names by field of JointLog, for messages; the contract's where left out.
+
+        Raises:
+            InputError: what is wrong, in which row and column, and how to mend it.
+        """
+        if piece.q.shape[1:] != (self.robot.n,) or piece.current.shape[1:] != (self.robot.n,):
+            what = f"{piece.n} joints where {self.robot.name} has {self.robot.n}"
+            raise InputError(what, self.where, "use the card of the robot that made the log")
+        if len(piece) == 0:
+            return piece
+        self._check_finite(piece, names or {})
+        self._check_time(piece)
+        self._check_position(piece)
+        self._check_speed(piece)
+        self.rows += len(piece)
+        self._last_t, self._last_segment = float(piece.t[-1]), int(piece.segment[-1])
+        return piece
+
+    def finish(self) -> None:
+        """Refuse a log that had no row at all.
+
+        Raises:
+            InputError: the log is empty.
+        """
+        if self.rows == 0:
+            raise InputError("no rows", self.where, "give a log with at least one sample")
+
+    def _check_finite(self, piece: JointLog, names: Mapping[str, tuple[str, ...]]) -> None:
+        for key in ("t", "q", "current", "dq", "ddq", "tau_ext", "wrench", "temperature"):
+            value: Array | None = getattr(piece, key)
+            if value is None or np.isfinite(value).all():
+                continue
+            row, channel = np.argwhere(~np.isfinite(value.reshape(len(value), -1)))[0]
+            bad = value.reshape(len(value), -1)[row, channel]
+            what = f"{_column(key, int(channel), names)} is {'empty or NaN' if np.isnan(bad) else 'infinite'}"
+            raise InputError(what, self._at(int(row)), "repair or remove the row")
+
+    def _check_time(self, piece: JointLog) -> None:
+        last = self._last_t if self.rows else piece.t[0] - 1.0
+        last_segment = self._last_segment if self.rows else piece.segment[0]
+        inside = np.diff(piece.segment, prepend=last_segment) == 0
+        steps = np.diff(piece.t, prepend=last)
+        bad = np.flatnonzero((steps <= 0) & inside)
+        if len(bad):
+            row = int(bad[0])
+            stamp = f"{piece.t[row]:.9g}"
+            if steps[row] == 0:
+                raise InputError(f"t = {stamp} s is repeated", self._at(row), "keep one row a time stamp")
+            how = "sort the rows, or number contiguous stretches in a column segment"
+            raise InputError(f"t = {stamp} s goes backward by {-steps[row]:.6g} s", self._at(row), how)
+        inside[0] &= bool(self.rows)
+        if not inside.any():
+            return
+        step = float(np.median(steps[inside]))
+        if not SHORTEST_STEP <= step <= LONGEST_STEP:
+            what = f"the median time step is {step:.3g} s: t does not look like seconds"
+            how = "set scale time in [log] of the card (1e-3 for ms, 1e-6 for us, 1e-9 for ns)"
+            raise InputError(what, self._at(0), how)
+
+    def _check_position(self, piece: JointLog) -> None:
+        lower, upper = self.robot.limits.lower, self.robot.limits.upper
+        prismatic = self.robot.multibody.prismatic
+        allowed = np.maximum(LIMIT_MARGIN, 0.1 * (upper - lower))
+        excess = np.maximum(lower - piece.q, piece.q - upper) - allowed
+        widest = np.maximum(np.abs(lower), np.abs(upper))
+        far = np.where(np.isfinite(widest), DEGREES_FACTOR * widest, UNLIMITED_TURNS)
+        wild = ((excess > 0) | ~np.isfinite(widest)) & (np.abs(piece.q) > far) & ~prismatic
+        if wild.any():
+            row, joint = np.argwhere(wild)[0]
+            what = f"q{joint + 1} = {piece.q[row, joint]:.6g} looks like degrees"
+            how = "set scale position = 0.0174533 in [log] of the card"
+            if not np.isfinite(widest[joint]):
+                how += ", or the joint's [limits] if it turns that far"
+            raise InputError(what, self._at(int(row)), how)
+        if (excess > 0).any():
+            row, joint = np.argwhere(excess > 0)[0]
+            unit = "m" if prismatic[joint] else "rad"
+            what = (
+                f"q{joint + 1} = {piece.q[row, joint]:.4g} {unit} is outside the limits "
+                f"{lower[joint]:.4g} to {upper[joint]:.4g} of joint {joint + 1} ({self.robot.joints[joint]})"
+            )
+            how = "check the order of the joints, the unit and the robot, or set [limits] of the card"
+            raise InputError(what, self._at(int(row)), how)
+
+    def _check_speed(self, piece: JointLog) -> None:
+        limit = self.robot.limits.velocity
+        if piece.dq is not None:
+            speed: FloatArray = np.abs(piece.dq)
+            how = "set scale velocity in [log] of the card (0.0174533 for deg/s)"
+        else:
+            inside = np.diff(piece.segment) == 0
+            speed = np.abs(np.diff(piece.q, axis=0)[inside]) / np.diff(piece.t)[inside, None]
+            how = "check the unit of t, and set scale time in [log] of the card"
+        if len(speed) < 20:
+            return
+        # Single steps may be wild where stamps jitter; the fast twentieth of the rows is not.
+        typical = np.quantile(speed, 0.95, axis=0)
+        bad = np.flatnonzero(typical > SPEED_FACTOR * limit)
+        if len(bad):
+            joint = int(bad[0])
+            what = (
+                f"joint {joint + 1} ({self.robot.joints[joint]}) moves at {typical[joint]:.3g}, "
+                f"{typical[joint] / limit[joint]:.0f} times its limit of {limit[joint]:.3g}"
+            )
+            raise InputError(what, self._at(0), how)
+
+    def _at(self, row: int) -> str:
+        return f"{self.where} row {self.rows + row + 1}"
+
+
+def check(log: JointLog, robot: Robot, path: Path) -> JointLog:
+    """Check a whole log in memory and return it as it is.
+
+    Args:
+        log: to be checked.
+        robot: whose log it should be.
+        path: of the file it came from, for messages.
+
+    Raises:
+        InputError: what is wrong, in which row and column, and how to mend it.
+    """
+    checker = LogChecker(robot, path)
+    checker.check(log)
+    checker.finish()
+    return log
+
+
+def _column(key: str, channel: int, names: Mapping[str, tuple[str, ...]]) -> str:
+    """Return the name of a column as the user knows it."""
+    from ident.readers.columns import contract_columns
+
+    known = names.get(key)
+    if known is None:
+        return contract_columns(channel + 1)[key][channel]
+    return known[channel] if len(known) > 1 else f"{known[0]} column {channel + 1}" if channel else known[0]
