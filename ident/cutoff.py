@@ -21,13 +21,15 @@ AMPLE = 5.0
 """Least cut-off [Hz] that is lowered only for noise."""
 SPAN = 10.0
 """A filter this many times above the motion leaves its phase and amplitude alone."""
+NEGLIGIBLE = 0.02
+"""Error of the acceleration, as a share of it, that is not worth a lower cut-off."""
 WINDOW = 4.0
 """Length [s] of the pieces whose spectra are averaged."""
 FEWEST_ROWS = 64
-NOISE_BAND = 0.3
-"""Positions hold no motion above this share of the sampling rate, only noise."""
+OCTAVES = 2.0
+"""The spectrum of motion falls steeply over this many octaves, that of noise does not."""
 ABOVE_NOISE = 4.0
-"""A line of the spectrum counts as motion above this multiple of the noise."""
+"""Least fall of the position's power spectrum, to its median over the next OCTAVES, that is taken for motion."""
 
 
 @dataclass(frozen=True)
@@ -41,11 +43,12 @@ class CutoffChoice:
 def choose_cutoff(log: JointLog) -> CutoffChoice:
     """Choose the low-pass cut-off for a log's accelerations from the spectrum of its positions.
 
-    The noise of each joint's position is read off the top of its spectrum, where a robot does not move, and taken for
-    white. For every cut-off of the zero-phase filter the error of the acceleration follows: motion that is cut away
-    plus noise that is let through (Wiener's balance). The error is related to each joint's acceleration and summed over
-    the joints that move. Where there is next to no noise the cut-off is SPAN times the band that holds 90 % of the
-    acceleration. It lies between LOWEST and the smaller of HIGHEST and HIGHEST_SHARE of the rate.
+    Motion is where the spectrum of a joint's position still falls steeply; from where it has become flat there is only
+    noise, and as much of it is taken to lie below. For every cut-off of the zero-phase filter the error of the
+    acceleration follows: motion that is cut away plus noise that is let through, related to each joint's acceleration,
+    mean over the joints that move. The cut-off is the highest whose error is the least there is (Wiener's balance), or
+    NEGLIGIBLE, but no more than SPAN times the band that holds 90 % of the acceleration, or AMPLE. It lies between
+    LOWEST and the smaller of HIGHEST and HIGHEST_SHARE of the rate.
 
     Args:
         log: of at least one segment with FEWEST_ROWS rows; else AMPLE is chosen.
@@ -57,31 +60,49 @@ def choose_cutoff(log: JointLog) -> CutoffChoice:
         hertz = min(AMPLE, highest)
         return CutoffChoice(hertz, f"{hertz:g} Hz: the segments are too short for a spectrum of the motion")
     frequency, spectrum = spectra
-    # A second difference multiplies white position noise by this.
-    gain = (2.0 * rate * np.sin(np.pi * frequency / rate)) ** 4
-    noise = np.median((spectrum / gain[:, None])[frequency > NOISE_BAND * rate], axis=0) * gain[:, None]
-    clear = (spectrum > ABOVE_NOISE * noise) & (frequency < HIGHEST)[:, None]
-    motion = np.where(clear, spectrum - noise, 0.0)
+    motion, noise = _separate(frequency, spectrum, rate)
     moving = motion.sum(axis=0) > 0.0
     if not moving.any():
         hertz = min(AMPLE, highest)
         return CutoffChoice(hertz, f"{hertz:g} Hz: no joint moves")
     motion, noise = motion[:, moving], noise[:, moving]
     candidates = np.geomspace(LOWEST, max(highest, LOWEST), 100)
-    balanced = float(candidates[np.argmin([_error(cutoff, frequency, motion, noise) for cutoff in candidates])])
+    errors = np.array([_error(cutoff, frequency, motion, noise) for cutoff in candidates])
+    balanced = float(candidates[errors <= max(float(errors.min()), NEGLIGIBLE**2)].max())
     band = _band(frequency, motion)
     hertz = float(np.clip(max(SPAN * band, AMPLE), LOWEST, balanced))
     if hertz < balanced:
-        return CutoffChoice(
-            hertz, f"{hertz:.3g} Hz: the noise would allow more, but 90 % of the acceleration lies below {band:.2g} Hz"
-        )
-    return CutoffChoice(
-        hertz, f"{hertz:.3g} Hz: above it the noise of the positions outweighs the motion it lets through"
-    )
+        reason = f"there is little noise, and this is well above the {band:.2g} Hz that hold 90 % of the acceleration"
+    elif hertz > 0.99 * highest:
+        reason = "there is little noise, and no higher one is of use for an arm at this rate"
+    else:
+        reason = "above it the positions hold more noise than motion"
+    return CutoffChoice(hertz, f"{hertz:.3g} Hz: {reason}")
+
+
+def _separate(frequency: FloatArray, spectrum: FloatArray, rate: float) -> tuple[FloatArray, FloatArray]:
+    """Part acceleration spectra (frequencies, n) into motion and noise."""
+    # A second difference multiplies a position's spectrum by this.
+    gain = ((2.0 * rate * np.sin(np.pi * frequency / rate)) ** 4)[:, None]
+    position = spectrum / gain
+    level = np.array([_median_above(frequency, position, f) for f in frequency])
+    clear = (position > ABOVE_NOISE * level) & (frequency < HIGHEST)[:, None]
+    last = len(frequency) - 1 - np.argmax(clear[::-1], axis=0)
+    last[~clear.any(axis=0)] = 0
+    floor = level[last, np.arange(level.shape[1])] * gain
+    motion = np.where(clear, np.maximum(spectrum - floor, 0.0), 0.0)
+    return motion, spectrum - motion
+
+
+def _median_above(frequency: FloatArray, position: FloatArray, start: float) -> FloatArray:
+    """Median of spectra over the OCTAVES above a frequency."""
+    above = (frequency >= start) & (frequency <= start * 2.0**OCTAVES)
+    median: FloatArray = np.median(position[above], axis=0)
+    return median
 
 
 def _error(cutoff: float, frequency: FloatArray, motion: FloatArray, noise: FloatArray) -> float:
-    """Mean over joints of the squared error of the acceleration, motion lost and noise passed, per squared acceleration.
+    """Squared error of the acceleration, motion lost and noise passed, per squared acceleration, mean over joints.
 
     The response is that of ``zero_phase`` of order 3.
     """
@@ -105,7 +126,7 @@ def _acceleration_spectra(log: JointLog, rate: float) -> tuple[FloatArray, Float
     window = min(int(WINDOW * rate), longest - 4)
     if window < FEWEST_ROWS:
         return None
-    total, weight = 0.0, 0
+    total, weight = np.zeros((window // 2 + 1, log.n)), 0
     frequency = np.zeros(0)
     for block in log.blocks(int(16 * WINDOW * rate)):
         grid = np.linspace(block.t[0], block.t[-1], round((block.t[-1] - block.t[0]) * rate) + 1)
@@ -115,4 +136,4 @@ def _acceleration_spectra(log: JointLog, rate: float) -> tuple[FloatArray, Float
         ddq = np.diff(q, 2, axis=0) * rate**2
         frequency, spectrum = scipy.signal.welch(ddq, rate, nperseg=window, detrend=False, axis=0)
         total, weight = total + spectrum * len(block), weight + len(block)
-    return None if weight == 0 else (frequency[1:], np.asarray(total[1:] / weight))
+    return None if weight == 0 else (frequency[1:], total[1:] / weight)
