@@ -1,0 +1,237 @@
+"""The virtual robot under a prescribed motion: commands in, logs out, block by block."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from comparisons.virtual_robot.contact import push_effect
+from comparisons.virtual_robot.electrical import DelayLine, LowPass
+from comparisons.virtual_robot.friction import FrictionState, cross_friction, friction_scan, stopped
+from comparisons.virtual_robot.kinematics import Kinematics
+from comparisons.virtual_robot.load import balancer, cable
+from comparisons.virtual_robot.motion import Protocol, ReferenceBlock, reblocked
+from comparisons.virtual_robot.scenario import Scenario, built_in_scenarios, load_scenario
+from comparisons.virtual_robot.sensors import Sensors
+from comparisons.virtual_robot.servo import PositionLoop
+from comparisons.virtual_robot.transmission import ripple, spring_scan
+from comparisons.virtual_robot.truth import Truth
+from ident.arrays import FloatArray
+from ident.log import JointLog, concatenate
+from ident.rigid_body import RigidBody
+from ident.robot import Robot
+
+INNER_RATE = 1000.0  # [Hz] friction and drives are followed at least this finely
+BLOCK = 2048  # rows simulated at once: about 10 MB of intermediate results
+SEGMENT_PAUSE = 5.0  # [s] between the last row of a segment and the first of the next
+
+
+class VirtualRobot:
+    """A robot whose truth is known: motion in, positions and currents out.
+
+    Five lines from nothing to a log::
+
+        from ident.robot import load_robot
+        from comparisons.virtual_robot import VirtualRobot
+        from comparisons.protocols import sinusoid
+        virtual = VirtualRobot(load_robot("vs060"))
+        log = virtual.record(sinusoid(virtual.robot, seconds=60.0, seed=1), seed=1)
+
+    Args:
+        robot: any robot with a card.
+        scenario: what is true of it: a `Scenario`, the name of a built-in one or the path of a TOML file; by default
+            the built-in scenario of the robot's name, or ``generic``.
+
+    Attributes:
+        truth: every true figure, as a dict (see `Truth.as_dict`).
+    """
+
+    def __init__(self, robot: Robot, scenario: Scenario | str | None = None) -> None:
+        if scenario is None:
+            scenario = robot.name if robot.name in built_in_scenarios() else "generic"
+        self.robot = robot
+        self.scenario = scenario if isinstance(scenario, Scenario) else load_scenario(scenario)
+        self.laws = Truth(robot, self.scenario)
+        self.kinematics = Kinematics(robot.multibody)
+        self._body = RigidBody(robot.multibody)
+
+    @property
+    def truth(self) -> dict[str, Any]:
+        """Every true figure by name."""
+        return self.laws.as_dict()
+
+    def simulate(
+        self,
+        blocks: Iterable[ReferenceBlock],
+        rate: float = 100.0,
+        seed: int = 0,
+        derivatives: bool = False,
+        external: bool | None = None,
+        name: str = "virtual",
+        rows: int = BLOCK,
+    ) -> Iterator[JointLog]:
+        """Yield the log of a motion, block by block, in bounded memory; the same however the motion is blocked.
+
+        Args:
+            blocks: the commanded motion, sampled at ``rate`` [Hz]; every segment starts at rest.
+            rate: sampling rate of commands and log [Hz].
+            seed: draws the sensors' noise and the friction stored before each segment.
+            derivatives: log the true velocities and accelerations of the motors too.
+            external: log the true ``tau_ext`` and ``wrench``; by default in segments that have pushes.
+            name: name of the log.
+            rows: rows simulated at once; they bound the memory and change nothing else.
+        """
+        run = _Run(self, rate, seed)
+        for block in reblocked(blocks, rows):
+            yield run.advance(block, derivatives, external, name)
+
+    def record(self, protocol: Protocol, seed: int = 0, **options: Any) -> JointLog:
+        """Return the whole log of a protocol in memory; ``options`` as for `simulate`."""
+        blocks = self.simulate(protocol.blocks(), protocol.rate, seed, name=protocol.name, **options)
+        return _joined(list(blocks), protocol.name)
+
+    def rigid_torque(self, q: FloatArray, dq: FloatArray, ddq: FloatArray) -> FloatArray:
+        """Return what the true links ask of the joints along a motion, (N, n) each [N m]."""
+        return self._body.inverse_dynamics(q, dq, ddq, self.laws.link_parameters, self.laws.gravity)
+
+    def mass_matrix(self, q: FloatArray) -> FloatArray:
+        """Return the true mass matrix with the motors' reflected inertia, (n, n), at ``q`` (n,)."""
+        mass: FloatArray = self._body.mass_matrix(q, self.laws.link_parameters) + np.diag(self.laws.rotor_inertia)
+        return mass
+
+
+def _joined(blocks: list[JointLog], name: str) -> JointLog:
+    """Join consecutive blocks of one simulation, keeping the numbers of their segments."""
+    segment = np.concatenate([block.segment for block in blocks])
+    return concatenate(blocks, name).replace(segment=segment)
+
+
+@dataclass
+class _Run:
+    """One simulation under way: the memory of servo, friction, springs, filters and sensors."""
+
+    virtual: VirtualRobot
+    rate: float
+    seed: int
+
+    def __post_init__(self) -> None:
+        laws, servo = self.virtual.laws, self.virtual.laws.servo
+        self.substeps = max(1, int(np.ceil(INNER_RATE / self.rate - 1e-9)))
+        self.dt = 1.0 / (self.rate * self.substeps)
+        self.loop = PositionLoop(*servo, substeps=self.substeps, dt=self.dt)
+        self.sensors = Sensors(laws.sensors, self.rate, self.seed)
+        self.filters: list[LowPass | DelayLine] = [
+            LowPass(laws.smoothing, 2, self.dt),
+            LowPass(laws.filter_lag, 1, self.dt),
+            DelayLine(laws.delay, self.dt),
+        ]
+        self.segment: int | None = None
+        self.heat = np.zeros(laws.n)
+        self.clock = 0.0
+
+    def advance(self, block: ReferenceBlock, derivatives: bool, external: bool | None, name: str) -> JointLog:
+        """Simulate one block and return its rows."""
+        fresh = block.segment != self.segment
+        if fresh:
+            self._start(block)
+        rows = len(block.q)
+        since = (self.row + np.arange(1, rows * self.substeps + 1) / self.substeps - 1.0) / self.rate
+        q, dq, ddq = self.loop.follow(block.q)
+        pushed, wrench = push_effect(self.virtual.kinematics, block.pushes, since, q)
+        torque = self._motor_torque(q, dq, ddq, pushed)
+        current = self.virtual.laws.drive.current(torque, self.start + since)
+        if fresh:
+            for stage in self.filters:
+                stage.reset(current[0])
+        for stage in self.filters:
+            current = stage.filter(current)
+        logged = slice(self.substeps - 1, None, self.substeps)
+        seen, reported = self.sensors.read(q[logged], current[logged])
+        t = self.start + (self.row + np.arange(rows)) / self.rate
+        self.row += rows
+        self.clock = float(t[-1]) + SEGMENT_PAUSE
+        told = bool(block.pushes) if external is None else external
+        return JointLog(
+            t=t,
+            q=seen,
+            current=reported,
+            dq=dq[logged] if derivatives else None,
+            ddq=ddq[logged] if derivatives else None,
+            tau_ext=pushed[logged] if told else None,
+            wrench=wrench[logged] if told else None,
+            segment=np.full(rows, block.segment, dtype=np.int64),
+            name=name,
+        )
+
+    def _start(self, block: ReferenceBlock) -> None:
+        """Stand at the first command with friction stored by an unknown earlier motion; the joints keep their heat."""
+        laws = self.virtual.laws
+        rng = np.random.default_rng([self.seed, block.segment, 7])
+        self.segment, self.row, self.start = block.segment, 0, self.clock
+        self.loop.reset(block.q[0])
+        self.before = block.q[0].copy()
+        state = stopped(laws.friction, laws.stored_at_start * rng.uniform(-1.0, 1.0, laws.n))
+        self.state = FrictionState(state.force, state.slipping, state.anchor, self.heat)
+        self.spring = np.zeros((2, laws.n))
+        if np.any(laws.spring.stiffness > 0.0):
+            still = np.zeros_like(block.q[:1])
+            weight = self.virtual.rigid_torque(block.q[:1], still, still)[0]
+            self.spring[0] = laws.spring.settled(weight)
+
+    def _motor_torque(self, q: FloatArray, dq: FloatArray, ddq: FloatArray, pushed: FloatArray) -> FloatArray:
+        """Return the torque that the motors give along the inner steps of a block, (M, n)."""
+        laws = self.virtual.laws
+        torque = self.virtual.rigid_torque(q, dq, ddq)
+        elastic = laws.spring.stiffness > 0.0
+        if np.any(elastic):  # links hang behind the motors by the wind-up of the springs
+            wind = np.where(elastic, torque / np.where(elastic, laws.spring.stiffness, 1.0), 0.0)
+            torque = self.virtual.rigid_torque(q - wind, dq, ddq)
+        torque -= pushed
+        if laws.cable is not None:
+            torque += cable(laws.cable, q)
+        if laws.balancer is not None:
+            torque += balancer(laws.balancer, q)
+        if np.any(elastic):
+            torque = spring_scan(laws.spring, self.spring, torque, self.dt)
+        motor = torque + laws.rotor_inertia * ddq
+        motor += friction_scan(laws.friction, self.state, q, dq, torque, self.before, self.dt)
+        if len(laws.cross_friction.force):
+            motor += cross_friction(laws.cross_friction, dq)
+        for law in laws.ripples:
+            motor += ripple(law, q, torque)
+        self.before = q[-1].copy()
+        return motor
+
+
+def simulate(
+    robot: Robot,
+    protocol: str = "sinusoid",
+    seconds: float = 60.0,
+    seed: int = 0,
+    scenario: Scenario | str | None = None,
+    **options: Any,
+) -> tuple[JointLog, dict[str, Any]]:
+    """Return the log of a protocol named in `comparisons.protocols`, and the truth behind it.
+
+    ::
+
+        log, truth = simulate(load_robot("vs060"), protocol="sinusoid", seconds=60.0, seed=1)
+
+    Args:
+        robot: any robot with a card.
+        protocol: ``sinusoid``, ``fourier``, ``continuous``, ``stop_and_go``, ``plateaus`` ... (`protocols.named`).
+        seconds: about how long; protocols that repeat a pattern end with a whole one.
+        seed: draws motion and noise.
+        scenario: what is true of the robot (see `VirtualRobot`).
+        options: further arguments of the protocol, such as ``rate``.
+
+    Raises:
+        InputError: no protocol or scenario of that name.
+    """
+    from comparisons.protocols import named
+
+    virtual = VirtualRobot(robot, scenario)
+    return virtual.record(named(protocol)(robot, seconds=seconds, seed=seed, **options), seed), virtual.truth
