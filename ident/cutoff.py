@@ -45,16 +45,17 @@ def choose_cutoff(log: JointLog) -> CutoffChoice:
 
     Motion is where the spectrum of a joint's position still falls steeply; from where it has become flat there is only
     noise, and as much of it is taken to lie below. For every cut-off of the zero-phase filter the error of the
-    acceleration follows: motion that is cut away plus noise that is let through, related to each joint's acceleration,
-    mean over the joints that move. The cut-off is the highest whose error is the least there is (Wiener's balance), or
-    NEGLIGIBLE, but no more than SPAN times the band that holds 90 % of the acceleration, or AMPLE. It lies between
-    LOWEST and the smaller of HIGHEST and HIGHEST_SHARE of the rate.
+    acceleration follows: motion that is cut away plus noise that is let through, related to each joint's acceleration.
+    The cut-off is the highest at which the joints that move have, on average, the least error above that of each one's
+    best (Wiener's balance), or one that is NEGLIGIBLE, but no more than SPAN times the band that holds 90 % of the
+    acceleration, or AMPLE. It lies between LOWEST and the smaller of HIGHEST and HIGHEST_SHARE of the rate.
 
     Args:
         log: of at least one segment with FEWEST_ROWS rows; else AMPLE is chosen.
     """
     rate = log.rate
     highest = min(HIGHEST, HIGHEST_SHARE * rate)
+    lowest = min(LOWEST, highest)
     spectra = _acceleration_spectra(log, rate)
     if spectra is None:
         hertz = min(AMPLE, highest)
@@ -66,11 +67,12 @@ def choose_cutoff(log: JointLog) -> CutoffChoice:
         hertz = min(AMPLE, highest)
         return CutoffChoice(hertz, f"{hertz:g} Hz: no joint moves")
     motion, noise = motion[:, moving], noise[:, moving]
-    candidates = np.geomspace(LOWEST, max(highest, LOWEST), 100)
-    errors = np.array([_error(cutoff, frequency, motion, noise) for cutoff in candidates])
-    balanced = float(candidates[errors <= max(float(errors.min()), NEGLIGIBLE**2)].max())
+    candidates = np.geomspace(lowest, highest, 100)
+    errors = np.array([_errors(cutoff, frequency, motion, noise) for cutoff in candidates])
+    excess = np.mean(errors - errors.min(axis=0), axis=1)
+    balanced = float(candidates[excess <= max(float(excess.min()), NEGLIGIBLE**2)].max())
     band = _band(frequency, motion)
-    hertz = float(np.clip(max(SPAN * band, AMPLE), LOWEST, balanced))
+    hertz = float(f"{min(max(SPAN * band, AMPLE), balanced):.3g}")
     if hertz < balanced:
         reason = f"there is little noise, and this is well above the {band:.2g} Hz that hold 90 % of the acceleration"
     elif hertz > 0.99 * highest:
@@ -101,14 +103,15 @@ def _median_above(frequency: FloatArray, position: FloatArray, start: float) -> 
     return median
 
 
-def _error(cutoff: float, frequency: FloatArray, motion: FloatArray, noise: FloatArray) -> float:
-    """Squared error of the acceleration, motion lost and noise passed, per squared acceleration, mean over joints.
+def _errors(cutoff: float, frequency: FloatArray, motion: FloatArray, noise: FloatArray) -> FloatArray:
+    """Squared error of the acceleration per squared acceleration, motion lost plus noise passed, of each joint.
 
     The response is that of ``zero_phase`` of order 3.
     """
     response = 1.0 / (1.0 + (np.sqrt(2.0) - 1.0) * (frequency / cutoff) ** 6)[:, None] ** 2
     error = ((1.0 - response) ** 2 * motion + response**2 * noise).sum(axis=0)
-    return float(np.mean(error / motion.sum(axis=0)))
+    related: FloatArray = error / motion.sum(axis=0)
+    return related
 
 
 def _band(frequency: FloatArray, motion: FloatArray) -> float:
