@@ -30,13 +30,12 @@ def over_rows(kernel: Callable[..., None], fixed: tuple[Any, ...], *arrays: Any)
     Threads rather than numba's own ``prange``: that one cannot be forked or called from two threads at once.
     """
     rows = len(arrays[0])
-    cores = int(numba.config.NUMBA_NUM_THREADS)  # type: ignore[attr-defined]
-    threads = min(cores, -(-rows // CHUNK))
-    if threads < 2:
+    cores = int(numba.config.NUMBA_NUM_THREADS) if rows > CHUNK else 1  # type: ignore[attr-defined]
+    if cores == 1:
         kernel(*fixed, *arrays)
         return
     bounds = np.arange(0, rows, CHUNK)
-    with ThreadPoolExecutor(threads) as pool:
+    with ThreadPoolExecutor(cores) as pool:
         tasks = [pool.submit(kernel, *fixed, *(a[start : start + CHUNK] for a in arrays)) for start in bounds]
         for task in tasks:
             task.result()

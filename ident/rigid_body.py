@@ -32,7 +32,7 @@ class RigidBody:
     Motions are (N, n) arrays [rad, rad/s, rad/s^2; prismatic m] in the order of ``multibody.joint_names``; one sample
     may be given as (n,), and the answer then has no N either. ``parameters`` are (10 n,), or (n, 10 n) with row j for
     joint j: in current units with unknown gains every joint has its own. ``gravity`` (3,) [m/s^2] in the base frame
-    is the mechanism's unless given.
+    is the mechanism's unless given. Every method raises ValueError where a shape is wrong.
     """
 
     def __init__(self, multibody: Multibody) -> None:
@@ -51,7 +51,7 @@ class RigidBody:
         self, q: FloatArray, dq: FloatArray, ddq: FloatArray, gravity: FloatArray | None = None
     ) -> FloatArray:
         """Regressor Y, (N, n, 10 n): joint torques are ``Y @ parameters`` (Khalil and Dombre 2002, ch. 12)."""
-        motion = [_rows(x) for x in (q, dq, ddq)]
+        motion = self._motion(q, dq, ddq)
         out = np.zeros((len(motion[0]), self.n, 10 * self.n))
         over_rows(regressor_rows, (self._chain, self._gravity(gravity)), *motion, out)
         return out if np.ndim(q) == 2 else out[0]
@@ -65,7 +65,7 @@ class RigidBody:
         gravity: FloatArray | None = None,
     ) -> FloatArray:
         """Joint torques ``Y @ parameters``, (N, n), without Y in memory."""
-        motion = [_rows(x) for x in (q, dq, ddq)]
+        motion = self._motion(q, dq, ddq)
         out = np.empty(motion[0].shape)
         over_rows(
             inverse_dynamics_rows, (self._chain, self._gravity(gravity), self._per_joint(parameters)), *motion, out
@@ -76,7 +76,7 @@ class RigidBody:
         self, q: FloatArray, dq: FloatArray, parameters: FloatArray, gravity: FloatArray | None = None
     ) -> MomentumTerms:
         """Generalised momentum, C^T dq and gravity torque, each (N, n)."""
-        motion = [_rows(x) for x in (q, dq)]
+        motion = self._motion(q, dq)
         out = np.empty((len(motion[0]), 3, self.n))
         over_rows(momentum_rows, (self._chain, self._gravity(gravity), self._per_joint(parameters)), *motion, out)
         terms = out if np.ndim(q) == 2 else out[0]
@@ -84,7 +84,7 @@ class RigidBody:
 
     def mass_matrix(self, q: FloatArray, parameters: FloatArray) -> FloatArray:
         """Joint-space inertia matrix, (N, n, n); row j from row j of the parameters, symmetric where those agree."""
-        rows = _rows(q)
+        (rows,) = self._motion(q)
         out = np.zeros((len(rows), self.n, self.n))
         over_rows(mass_matrix_rows, (self._chain, self._per_joint(parameters)), rows, out)
         return out if np.ndim(q) == 2 else out[0]
@@ -93,17 +93,26 @@ class RigidBody:
         """Parameters that motion shows: of the whole robot, or of the row of one joint (counted from 0)."""
         return find_base_parameters(self, joint)
 
+    def _motion(self, *arrays: FloatArray) -> list[FloatArray]:
+        # The kernels check nothing: a wrong shape would read past the arrays' ends.
+        shape = np.shape(arrays[0])
+        if len(shape) not in (1, 2) or shape[-1] != self.n or any(np.shape(x) != shape for x in arrays):
+            raise ValueError(f"motion of shapes {[np.shape(x) for x in arrays]}, expected (N, {self.n}) or ({self.n},)")
+        return [np.ascontiguousarray(x, dtype=np.float64).reshape(-1, self.n) for x in arrays]
+
     def _gravity(self, gravity: FloatArray | None) -> FloatArray:
-        return self.multibody.gravity if gravity is None else np.ascontiguousarray(gravity, dtype=np.float64)
+        if gravity is None:
+            return self.multibody.gravity
+        if np.shape(gravity) != (3,):
+            raise ValueError(f"gravity of shape {np.shape(gravity)}, expected (3,)")
+        return np.ascontiguousarray(gravity, dtype=np.float64)
 
     def _per_joint(self, parameters: FloatArray) -> FloatArray:
+        if parameters.shape not in ((10 * self.n,), (self.n, 10 * self.n)):
+            raise ValueError(f"parameters of shape {parameters.shape}, expected (10 n,) or (n, 10 n) with n = {self.n}")
         if parameters.ndim == 1:
             parameters = np.broadcast_to(parameters, (self.n, 10 * self.n))
         return np.ascontiguousarray(parameters, dtype=np.float64)
-
-
-def _rows(values: FloatArray) -> FloatArray:
-    return np.atleast_2d(np.ascontiguousarray(values, dtype=np.float64))
 
 
 def _supports(tree: Tree) -> BoolArray:

@@ -1,0 +1,61 @@
+"""What several test files share: where the robots and the measured logs are."""
+
+from collections.abc import Callable
+from importlib.metadata import files
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+MEASURED = Path(__file__).parents[2] / "shared" / "data"
+
+# robots of the example-robot-data wheel, by the names the tests use
+EXAMPLES = {
+    "ur3": "ur_description/urdf/ur3_robot.urdf",
+    "ur3-nameless": "ur_description/urdf/ur3.urdf",
+    "ur5": "ur_description/urdf/ur5_robot.urdf",
+    "ur10": "ur_description/urdf/ur10_robot.urdf",
+    "panda": "panda_description/urdf/panda.urdf",
+    "xarm7": "xarm_description/urdf/xarm7.urdf",
+}
+ARM_JOINTS = {"panda": [f"panda_joint{i}" for i in range(1, 8)]}  # without the fingers
+
+
+@pytest.fixture(scope="session")
+def urdf_path() -> Callable[[str], Path]:
+    """Path of a robot's URDF: ur3, ur5, ur10, panda, xarm7, vs060, lwr4; the test is skipped where it is not there."""
+
+    def find(name: str) -> Path:
+        if name == "vs060":
+            return Path(__file__).parents[1] / "ident" / "robots" / "vs060" / "vs060.urdf"
+        if name == "lwr4":
+            return _present(MEASURED / "kuka_lwr4_flobaroid" / "kuka_lwr4.urdf")
+        wanted = f"example-robot-data/robots/{EXAMPLES[name]}"
+        found = [f for f in files("example-robot-data") or [] if str(f).endswith(wanted)]
+        return _present(Path(str(found[0].locate())) if found else Path(wanted))
+
+    return find
+
+
+@pytest.fixture(scope="session")
+def arm_joints() -> Callable[[str], list[str] | None]:
+    """Joints of a robot's arm, None for all that move."""
+    return ARM_JOINTS.get
+
+
+@pytest.fixture(scope="session")
+def measured() -> Callable[[str], Path]:
+    """Path of a measured log under shared/data; the test is skipped where it is not there."""
+    return lambda name: _present(MEASURED / name)
+
+
+@pytest.fixture
+def rng() -> np.random.Generator:
+    """A generator of the same numbers for every test."""
+    return np.random.default_rng(7)
+
+
+def _present(path: Path) -> Path:
+    if not path.exists():
+        pytest.skip(f"{path.name} is not here")
+    return path
