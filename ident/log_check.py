@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ident.arrays import Array, FloatArray
+from ident.arrays import FloatArray
 from ident.errors import InputError
 from ident.log import JointLog
 
@@ -47,7 +48,7 @@ class LogChecker:
         self._last_segment = 0
 
     def check(self, piece: JointLog, names: Mapping[str, tuple[str, ...]] | None = None) -> JointLog:
-        """Return the piece as it is, or refuse it.
+        """Return the piece, its segment numbers whole numbers, or refuse it.
 
         Args:
             piece: rows that follow those checked before.
@@ -62,6 +63,7 @@ class LogChecker:
         if len(piece) == 0:
             return piece
         self._check_finite(piece, names or {})
+        piece = self._whole_segments(piece, names or {})
         self._check_time(piece)
         self._check_position(piece)
         self._check_speed(piece)
@@ -79,14 +81,24 @@ class LogChecker:
             raise InputError("no rows", self.where, "give a log with at least one sample")
 
     def _check_finite(self, piece: JointLog, names: Mapping[str, tuple[str, ...]]) -> None:
-        for key in ("t", "q", "current", "dq", "ddq", "tau_ext", "wrench", "temperature"):
-            value: Array | None = getattr(piece, key)
-            if value is None or np.isfinite(value).all():
+        for field in dataclasses.fields(piece):
+            key, value = field.name, getattr(piece, field.name)
+            if not isinstance(value, np.ndarray) or np.isfinite(value).all():
                 continue
             row, channel = np.argwhere(~np.isfinite(value.reshape(len(value), -1)))[0]
             bad = value.reshape(len(value), -1)[row, channel]
             what = f"{_column(key, int(channel), names)} is {'empty or NaN' if np.isnan(bad) else 'infinite'}"
             raise InputError(what, self._at(int(row)), "repair or remove the row")
+
+    def _whole_segments(self, piece: JointLog, names: Mapping[str, tuple[str, ...]]) -> JointLog:
+        """Turn segment numbers, which some formats hold as floats, into integers."""
+        if piece.segment.dtype.kind == "i":
+            return piece
+        broken = np.flatnonzero(piece.segment != np.round(piece.segment))
+        if len(broken):
+            what = f"{_column('segment', 0, names)} = {piece.segment[broken[0]]:g} is not a whole number"
+            raise InputError(what, self._at(int(broken[0])), "number the segments")
+        return piece.replace(segment=piece.segment.astype(np.int64))
 
     def _check_time(self, piece: JointLog) -> None:
         last = self._last_t if self.rows else piece.t[0] - 1.0

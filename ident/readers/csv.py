@@ -7,7 +7,6 @@ import math
 from collections.abc import Iterator
 from pathlib import Path
 
-import numpy as np
 import pyarrow as pa
 import pyarrow.csv
 
@@ -36,7 +35,7 @@ class CsvLog(FileLog):
                     arrays: dict[str, Array] = {
                         name: batch.column(k).to_numpy(zero_copy_only=False) for k, name in enumerate(columns.all)
                     }
-                    yield assemble(_whole_segments(arrays, columns), columns, self.robot.n, self.path), columns
+                    yield assemble(arrays, columns, self.robot.n, self.path), columns
         except (pa.ArrowInvalid, OSError) as error:
             raise _locate(self.path, header, delimiter, columns, str(error)) from None
 
@@ -76,13 +75,6 @@ def _open(path: Path, header: list[str], delimiter: str, columns: Columns) -> py
             include_columns=wanted, column_types=dict.fromkeys(wanted, pa.float64()), null_values=list(EMPTY)
         ),
     )
-
-
-def _whole_segments(arrays: dict[str, Array], columns: Columns) -> dict[str, Array]:
-    """Turn segment numbers, parsed as floats, into integers."""
-    for name in columns.names.get("segment", ()):
-        arrays[name] = np.nan_to_num(arrays[name], nan=-1.0).astype(np.int64)
-    return arrays
 
 
 def _locate(path: Path, header: list[str], delimiter: str, columns: Columns, reason: str) -> InputError:
