@@ -1,0 +1,117 @@
+"""The linear regression behind a list of effects: which column belongs to which joint, term and coefficient."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from ident.arrays import FloatArray, IntArray
+from ident.effects.base import Coefficient, Context, Term
+from ident.robot import Robot
+from ident.signals import Motion
+from ident.walk import Block
+
+Load = Callable[[Motion], FloatArray]
+"""Gives the load (N, n) on the links in the model's force unit, for effects that depend on it."""
+
+
+@dataclass(frozen=True)
+class Rows:
+    """Regression rows of consecutive samples: a matrix (N, shared columns, own columns) a joint, and targets (N, n)."""
+
+    matrices: list[FloatArray]
+    target: FloatArray
+
+
+@dataclass(frozen=True)
+class Design:
+    """Columns of a model's linear parameters.
+
+    Every joint's row has columns of its own and columns whose coefficients all joints share. Columns are numbered
+    joint by joint, after the shared ones.
+
+    Attributes:
+        robot: the robot.
+        terms: effects with shape values; coefficients are not used.
+        scale: force unit per unit of current, (n,): the drive gains where they are known, else ones.
+        load: gives the load on the links; needed by effects that depend on it.
+    """
+
+    robot: Robot
+    terms: tuple[Term, ...]
+    scale: FloatArray
+    load: Load | None = None
+    _columns: list[IntArray] = field(init=False, repr=False)
+    _of_term: list[IntArray] = field(init=False, repr=False)
+
+    def __post_init__(self) -> None:
+        columns: list[list[int]] = [[] for _ in range(self.robot.n)]
+        of_term: list[list[int]] = [[] for _ in self.terms]
+        count = 0
+        for joint in [None, *range(self.robot.n)]:
+            for k, term in enumerate(self.terms):
+                if term.effect.joint != joint:
+                    continue
+                numbers = range(count, count + len(term.effect.coefficients(self.robot)))
+                count = numbers.stop
+                of_term[k].extend(numbers)
+                for j in range(self.robot.n) if joint is None else [joint]:
+                    columns[j].extend(numbers)
+        object.__setattr__(self, "_columns", [np.array(c, dtype=np.int64) for c in columns])
+        object.__setattr__(self, "_of_term", [np.array(c, dtype=np.int64) for c in of_term])
+
+    @property
+    def count(self) -> int:
+        """Number of linear parameters."""
+        return sum(len(c) for c in self._of_term)
+
+    def columns_of_joint(self, joint: int) -> IntArray:
+        """Parameter numbers of the columns in a joint's matrix."""
+        return self._columns[joint]
+
+    def columns_of_term(self, term: int) -> IntArray:
+        """Parameter numbers of a term's coefficients."""
+        return self._of_term[term]
+
+    def coefficients(self) -> list[tuple[int, Coefficient]]:
+        """Every parameter as (number of its term, coefficient), by parameter number."""
+        found: list[tuple[int, Coefficient]] = [(0, Coefficient("", ""))] * self.count
+        for k, term in enumerate(self.terms):
+            for number, coefficient in zip(self._of_term[k], term.effect.coefficients(self.robot), strict=True):
+                found[number] = (k, coefficient)
+        return found
+
+    def context(self, motion: Motion) -> Context:
+        """Return what the effects see of a motion."""
+        return Context(self.robot, motion, None if self.load is None else self.load(motion))
+
+    def matrices(self, context: Context, memories: list[FloatArray]) -> list[FloatArray]:
+        """Regression matrices, one a joint, of consecutive samples; carries the terms' memories forward."""
+        own: list[list[FloatArray]] = [[] for _ in range(self.robot.n)]
+        shared: list[FloatArray] = []
+        for term, memory in zip(self.terms, memories, strict=True):
+            columns = term.effect.columns(context, term.shape, memory)
+            if term.effect.joint is None:
+                shared.append(columns)
+            else:
+                own[term.effect.joint].append(columns)
+        return [
+            np.hstack([*(s[:, j] for s in shared), *own[j], np.zeros((len(context.motion.t), 0))])
+            for j in range(self.robot.n)
+        ]
+
+    def start(self) -> list[FloatArray]:
+        """Memories of the terms at the start of a segment."""
+        return [term.effect.start() for term in self.terms]
+
+    def rows(self, blocks: Iterable[Block]) -> Iterator[Rows]:
+        """Yield the regression rows of the rows that each block keeps."""
+        memories = self.start()
+        for block in blocks:
+            if block.first:
+                memories = self.start()
+            matrices = self.matrices(self.context(block.motion), memories)
+            target = block.log.current * self.scale
+            yield Rows([m[block.keep] for m in matrices], target[block.keep])

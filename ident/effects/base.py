@@ -1,0 +1,152 @@
+"""What an effect is: one physical cause of motor current."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import TYPE_CHECKING, ClassVar
+
+import numpy as np
+
+from ident.arrays import FloatArray
+from ident.errors import InputError
+
+if TYPE_CHECKING:
+    from ident.robot import Robot
+    from ident.signals import Motion
+
+STEP = 1e-6
+"""Relative step of the central differences that stand in for a gradient an effect does not give."""
+
+
+@dataclass(frozen=True)
+class Shape:
+    """A parameter on which an effect's columns depend non-linearly; bounded, searched on a log scale if ``log``."""
+
+    name: str
+    unit: str
+    lower: float
+    upper: float
+    initial: float
+    log: bool = True
+
+
+@dataclass(frozen=True)
+class Coefficient:
+    """A parameter in which the current is linear; ``unit`` writes the card's current unit as ``{current}``."""
+
+    name: str
+    unit: str
+    lower: float = -np.inf
+
+
+@dataclass(frozen=True)
+class Context:
+    """What effects see of a log: the robot, its motion, and the current ``load`` (N, n) that its links need."""
+
+    robot: Robot
+    motion: Motion
+    load: FloatArray | None = None
+
+    @cached_property
+    def link_regressor(self) -> FloatArray:
+        """Joint torque regressor (N, n, 10 n) of the links, computed once for all effects that need it."""
+        return self.robot.rigid_body.regressor(self.motion.q, self.motion.dq, self.motion.ddq)
+
+
+@dataclass(frozen=True)
+class Effect(ABC):
+    """One physical cause of current, acting on one joint or, with ``joint`` None, on the whole robot.
+
+    The current it causes is ``columns(...) @ coefficients``. Columns depend on the motion, on shape parameters and, for
+    effects that remember, on a ``memory`` array that ``columns`` carries forward in place: a log walked in blocks or
+    sample by sample gives the same columns as the whole log.
+
+    A subclass with a ``name`` is entered in the catalogue; that is all it takes to add an effect.
+
+    Attributes:
+        joint: joint it acts on, from 0; None acts on the whole robot with one set of coefficients.
+    """
+
+    joint: int | None
+
+    name: ClassVar[str] = ""
+    family: ClassVar[str] = ""
+    catalogue: ClassVar[dict[str, type[Effect]]] = {}
+
+    def __init_subclass__(cls) -> None:
+        if cls.name:
+            Effect.catalogue[cls.name] = cls
+
+    @property
+    def at(self) -> int:
+        """The joint of an effect that acts on one joint.
+
+        Raises:
+            InputError: it acts on the whole robot.
+        """
+        if self.joint is None:
+            raise InputError("it needs a joint", f"effect {self.name}", "give joint=0 for the first joint")
+        return self.joint
+
+    @property
+    def shapes(self) -> tuple[Shape, ...]:
+        """Shape parameters, none by default."""
+        return ()
+
+    @abstractmethod
+    def coefficients(self, robot: Robot) -> tuple[Coefficient, ...]:
+        """Linear parameters, one for each column."""
+
+    @abstractmethod
+    def columns(self, context: Context, shape: FloatArray, memory: FloatArray) -> FloatArray:
+        """Columns (N, k) at the effect's joint, or (N, n, k) for the whole robot, per unit of each coefficient."""
+
+    def start(self) -> FloatArray:
+        """Memory as it stands at the start of a segment; empty for effects without memory."""
+        return np.zeros(0)
+
+    def current(self, context: Context, shape: FloatArray, coefficients: FloatArray, memory: FloatArray) -> FloatArray:
+        """Current (N,) at the effect's joint, or (N, n), that the effect causes."""
+        return self.columns(context, shape, memory) @ coefficients
+
+    def gradient(self, context: Context, shape: FloatArray) -> FloatArray:
+        """Derivative (shapes, N, k) of the columns by each shape parameter, from the start of a segment.
+
+        Central differences unless a subclass knows better.
+        """
+        derivatives = []
+        for s, parameter in enumerate(self.shapes):
+            step = STEP * max(abs(shape[s]), 1e-3 * (parameter.upper - parameter.lower))
+            sides = []
+            for sign in (1.0, -1.0):
+                moved = shape.copy()
+                moved[s] += sign * step
+                sides.append(self.columns(context, moved, self.start()))
+            derivatives.append((sides[0] - sides[1]) / (2 * step))
+        return np.array(derivatives)
+
+
+@dataclass(frozen=True, eq=False)
+class Term:
+    """An effect with its fitted parameters.
+
+    Attributes:
+        effect: the cause.
+        shape: values of its shape parameters (in the order of ``effect.shapes``).
+        coefficients: values of its linear parameters.
+        std: standard deviations of the coefficients; NaN where a parameter is not determined.
+        shape_std: standard deviations of the shape parameters.
+    """
+
+    effect: Effect
+    shape: FloatArray = field(default_factory=lambda: np.zeros(0))
+    coefficients: FloatArray = field(default_factory=lambda: np.zeros(0))
+    std: FloatArray = field(default_factory=lambda: np.zeros(0))
+    shape_std: FloatArray = field(default_factory=lambda: np.zeros(0))
+
+
+def initial_term(effect: Effect) -> Term:
+    """Return the effect with its shape parameters at their initial values and no coefficients yet."""
+    return Term(effect, np.array([s.initial for s in effect.shapes], dtype=float))

@@ -1,0 +1,194 @@
+"""Friction family: functions of the joint's velocity (and load) without memory."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ident.arrays import FloatArray
+from ident.effects.base import Coefficient, Context, Effect, Shape
+from ident.errors import InputError
+
+if TYPE_CHECKING:
+    from ident.robot import Robot
+
+SMOOTHING = 5e-3
+"""Speed [rad/s or m/s] over which the sign of a velocity turns, where the data do not ask for more."""
+
+
+@dataclass(frozen=True)
+class VelocityEffect(Effect):
+    """A friction effect; ``smoothing`` is the speed [rad/s or m/s] over which its sign of velocity turns."""
+
+    smoothing: float = SMOOTHING
+
+    def velocity(self, context: Context) -> FloatArray:
+        """Return the joint's velocity (N,)."""
+        return context.motion.dq[:, self.at]
+
+    def direction(self, context: Context) -> FloatArray:
+        """Return the smoothed sign (N,) of the joint's velocity."""
+        return np.tanh(self.velocity(context) / self.smoothing)
+
+
+@dataclass(frozen=True)
+class Coulomb(VelocityEffect):
+    """Dry friction of constant size against the motion."""
+
+    name = "coulomb"
+    family = "friction"
+
+    def coefficients(self, robot: Robot) -> tuple[Coefficient, ...]:
+        """Return the friction force."""
+        return (Coefficient("force", "{current}"),)
+
+    def columns(self, context: Context, shape: FloatArray, memory: FloatArray) -> FloatArray:
+        """Return the smoothed sign of velocity."""
+        return self.direction(context)[:, None]
+
+
+@dataclass(frozen=True)
+class Viscous(VelocityEffect):
+    """Friction proportional to velocity."""
+
+    name = "viscous"
+    family = "friction"
+
+    def coefficients(self, robot: Robot) -> tuple[Coefficient, ...]:
+        """Return the damping."""
+        return (Coefficient("damping", "{current} s/{angle}"),)
+
+    def columns(self, context: Context, shape: FloatArray, memory: FloatArray) -> FloatArray:
+        """Return the velocity."""
+        return self.velocity(context)[:, None]
+
+
+@dataclass(frozen=True)
+class CoulombAsymmetry(VelocityEffect):
+    """Dry friction that differs between the two directions: the part that does not change sign with velocity."""
+
+    name = "coulomb-asymmetry"
+    family = "friction"
+
+    def coefficients(self, robot: Robot) -> tuple[Coefficient, ...]:
+        """Return half the difference of friction between motion in + and in - direction."""
+        return (Coefficient("force", "{current}"),)
+
+    def columns(self, context: Context, shape: FloatArray, memory: FloatArray) -> FloatArray:
+        """Return one while the joint moves, nought at rest."""
+        return np.abs(self.direction(context))[:, None]
+
+
+@dataclass(frozen=True)
+class Stribeck(VelocityEffect):
+    """Extra friction at low speed that vanishes as a lubricant film builds up (Armstrong-Helouvry et al. 1994)."""
+
+    name = "stribeck"
+    family = "friction"
+
+    @property
+    def shapes(self) -> tuple[Shape, ...]:
+        """Return the Stribeck speed."""
+        return (Shape("speed", "{angle}/s", 2e-3, 0.5, 0.04),)
+
+    def coefficients(self, robot: Robot) -> tuple[Coefficient, ...]:
+        """Return static minus Coulomb friction."""
+        return (Coefficient("force", "{current}"),)
+
+    def columns(self, context: Context, shape: FloatArray, memory: FloatArray) -> FloatArray:
+        """Return sign(dq) exp(-(dq/speed)^2)."""
+        ratio = self.velocity(context) / shape[0]
+        return (self.direction(context) * np.exp(-(ratio**2)))[:, None]
+
+    def gradient(self, context: Context, shape: FloatArray) -> FloatArray:
+        """Differentiate the columns by the Stribeck speed."""
+        ratio = self.velocity(context) / shape[0]
+        return (self.direction(context) * np.exp(-(ratio**2)) * 2 * ratio**2 / shape[0])[None, :, None]
+
+
+@dataclass(frozen=True)
+class Sigmoid(VelocityEffect):
+    """Friction as a shifted logistic function of velocity, nought at rest (Gaz et al. 2018, eq. 14)."""
+
+    name = "sigmoid"
+    family = "friction"
+
+    @property
+    def shapes(self) -> tuple[Shape, ...]:
+        """Return the speed over which the sigmoid rises (1/phi2) and its shift (phi3)."""
+        return (
+            Shape("speed", "{angle}/s", 1e-3, 0.5, 0.03),
+            Shape("shift", "{angle}/s", -0.1, 0.1, 0.0, log=False),
+        )
+
+    def coefficients(self, robot: Robot) -> tuple[Coefficient, ...]:
+        """Return the friction between standstill at -inf and +inf, phi1."""
+        return (Coefficient("force", "{current}"),)
+
+    def columns(self, context: Context, shape: FloatArray, memory: FloatArray) -> FloatArray:
+        """Return 1/(1+exp(-(dq+shift)/speed)) - 1/(1+exp(-shift/speed))."""
+        speed, shift = shape
+        return (_logistic((self.velocity(context) + shift) / speed) - _logistic(shift / speed))[:, None]
+
+    def gradient(self, context: Context, shape: FloatArray) -> FloatArray:
+        """Differentiate the columns by speed and shift."""
+        speed, shift = shape
+        moved, rest = (self.velocity(context) + shift) / speed, shift / speed
+        slope, slope_rest = _logistic(moved) * _logistic(-moved), _logistic(rest) * _logistic(-rest)
+        by_speed = -(slope * moved - slope_rest * rest) / speed
+        by_shift = (slope - slope_rest) / speed
+        return np.stack([by_speed, by_shift])[:, :, None]
+
+
+@dataclass(frozen=True)
+class ViscousNonlinear(VelocityEffect):
+    """Friction that grows with a power of speed other than one: shear-thinning grease below, churning above."""
+
+    name = "viscous-nonlinear"
+    family = "friction"
+
+    @property
+    def shapes(self) -> tuple[Shape, ...]:
+        """Return the exponent."""
+        return (Shape("exponent", "1", 0.2, 3.0, 0.5),)
+
+    def coefficients(self, robot: Robot) -> tuple[Coefficient, ...]:
+        """Return the friction at 1 rad/s (1 m/s)."""
+        return (Coefficient("force", "{current}"),)
+
+    def columns(self, context: Context, shape: FloatArray, memory: FloatArray) -> FloatArray:
+        """Return sign(dq) |dq|^exponent."""
+        return (self.direction(context) * self._speed(context) ** shape[0])[:, None]
+
+    def gradient(self, context: Context, shape: FloatArray) -> FloatArray:
+        """Differentiate the columns by the exponent."""
+        speed = self._speed(context)
+        return (self.direction(context) * speed ** shape[0] * np.log(speed))[None, :, None]
+
+    def _speed(self, context: Context) -> FloatArray:
+        # Away from nought, where the logarithm of the gradient ends.
+        return np.abs(self.velocity(context)) + 1e-9
+
+
+@dataclass(frozen=True)
+class LoadFriction(VelocityEffect):
+    """Dry friction that grows with the torque that the gear transmits (Hamon et al. 2010; Wahrburg et al. 2018)."""
+
+    name = "load-friction"
+    family = "friction"
+
+    def coefficients(self, robot: Robot) -> tuple[Coefficient, ...]:
+        """Return the friction per unit of load, a pure number."""
+        return (Coefficient("force", "1"),)
+
+    def columns(self, context: Context, shape: FloatArray, memory: FloatArray) -> FloatArray:
+        """Return sign(dq) |load|."""
+        if context.load is None:
+            raise InputError("load-friction needs the load on the links", self.name, "give a Context with a load")
+        return (self.direction(context) * np.abs(context.load[:, self.at]))[:, None]
+
+
+def _logistic(x: FloatArray) -> FloatArray:
+    return 0.5 * (1.0 + np.tanh(0.5 * x))

@@ -1,0 +1,62 @@
+"""Rigid-body family: the links and the rotors."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from ident.arrays import FloatArray
+from ident.effects.base import Coefficient, Context, Effect
+
+if TYPE_CHECKING:
+    from ident.base_parameters import BaseParameters
+    from ident.robot import Robot
+
+MOMENT_UNITS = {"m": "kg", "mx": "kg m", "my": "kg m", "mz": "kg m"}
+
+
+@dataclass(frozen=True)
+class Links(Effect):
+    """Inertia, Coriolis and gravity of the links, linear in their base parameters (Gautier 1991).
+
+    For the whole robot (``joint`` None) all rows share one set of base parameters, in SI units when the drive gains
+    are known. For one joint the row has base parameters of its own, in SI units per unit of the unknown gain.
+    """
+
+    name = "links"
+    family = "rigid-body"
+
+    def base(self, robot: Robot) -> BaseParameters:
+        """Base parameters of the whole robot, or of the joint's row."""
+        return robot.rigid_body.base_parameters(self.joint)
+
+    def coefficients(self, robot: Robot) -> tuple[Coefficient, ...]:
+        """Return one coefficient a base parameter."""
+        per_gain = "" if self.joint is None else " {current}/(N m)"
+        return tuple(
+            Coefficient(name, MOMENT_UNITS.get(name.rstrip("0123456789"), "kg m^2") + per_gain)
+            for name in self.base(robot).names
+        )
+
+    def columns(self, context: Context, shape: FloatArray, memory: FloatArray) -> FloatArray:
+        """Return the link regressor's base columns, in N m per unit of the base parameters."""
+        columns = self.base(context.robot).columns
+        if self.joint is None:
+            return context.link_regressor[:, :, columns]
+        return context.link_regressor[:, self.joint, columns]
+
+
+@dataclass(frozen=True)
+class RotorInertia(Effect):
+    """Inertia of the motor's rotor and gear, seen at the joint: current proportional to the joint's acceleration."""
+
+    name = "rotor-inertia"
+    family = "rigid-body"
+
+    def coefficients(self, robot: Robot) -> tuple[Coefficient, ...]:
+        """Return the reflected inertia."""
+        return (Coefficient("inertia", "{current} s^2/{angle}"),)
+
+    def columns(self, context: Context, shape: FloatArray, memory: FloatArray) -> FloatArray:
+        """Return the joint's acceleration."""
+        return context.motion.ddq[:, self.at, None]

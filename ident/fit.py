@@ -1,0 +1,169 @@
+"""Fitting a list of effects to logs: separable, weighted, robust, in bounded memory."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from ident.arrays import FloatArray
+from ident.design import Design, Rows
+from ident.effects.base import Effect, Term, initial_term
+from ident.effects.friction import LoadFriction
+from ident.least_squares import Solution, factorise, solve
+from ident.log import LogSource
+from ident.model import CurrentModel
+from ident.robot import Robot
+from ident.shapes import optimise_shapes
+from ident.uncertainty import covariance
+from ident.walk import Block, collect, walk
+
+HUBER = 1.345
+"""Residuals beyond this many robust standard deviations lose weight (95 % efficiency on Gaussian noise)."""
+
+ROUNDS = 4
+"""Alternations at most between shape parameters, linear parameters and the load that the links put on the gears."""
+
+SETTLED = 1e-4
+"""Relative fall of the residual below which alternating ends."""
+
+
+@dataclass(frozen=True, eq=False)
+class Drives:
+    """Force unit per unit of current (n,), and what the force unit is: N m where gains are known."""
+
+    gain: FloatArray
+    force_unit: str
+
+
+@dataclass(frozen=True, eq=False)
+class Fit:
+    """A fitted model and how well the logs determine it.
+
+    Attributes:
+        model: effects with parameters and standard deviations.
+        design: the regression that the parameters solve, with their final shapes.
+        solution: the least-squares estimate.
+        covariance: of the linear, then the shape parameters.
+        rows: rows fitted.
+    """
+
+    model: CurrentModel
+    design: Design
+    solution: Solution
+    covariance: FloatArray
+    rows: int
+
+
+def fit(
+    robot: Robot,
+    effects: Sequence[Effect],
+    sources: Sequence[LogSource],
+    cutoff: float,
+    drives: Drives,
+    robust: bool = False,
+    progress: Callable[[float], None] | None = None,
+) -> Fit:
+    """Fit effects to logs.
+
+    Shape parameters, and the load that friction depends on, are settled on rows held in memory (all of them where the
+    logs are short); the linear parameters then come from one pass over all rows, whose regression is never held.
+
+    Args:
+        robot: the robot.
+        effects: what the model is made of.
+        sources: logs.
+        cutoff: cut-off [Hz] of the zero-phase filter that derives velocity and acceleration.
+        drives: force unit per unit of current.
+        robust: weight rows by Huber's function, against contacts and outliers (two more passes).
+        progress: called with the share of the work done.
+    """
+    tell = progress or (lambda share: None)
+    held = collect(sources, cutoff)
+    rate = next(iter(held)).log.rate if held else 0.0
+    design = settle(Design(robot, tuple(initial_term(e) for e in effects), drives.gain), held, drives, cutoff, rate)
+    tell(0.3)
+    passes = 3 if robust else 1
+
+    def rows(number: int) -> Iterator[Rows]:
+        for k, source in enumerate(sources):
+            yield from design.rows(walk(source, cutoff))
+            tell(0.3 + 0.6 * (number + (k + 1) / len(sources)) / passes)
+
+    factors = factorise(design, rows(0))
+    solution = solve(design, factors)
+    for number in range(1, passes):
+        factors = factorise(design, rows(number), huber(design, solution))
+        solution = solve(design, factors)
+    terms = with_coefficients(design, solution.parameters)
+    spread = covariance(terms, design, solution, held)
+    kept = sum(int(block.keep.sum()) for block in held)
+    spread *= kept / max(factors.rows, 1)
+    model = CurrentModel(robot, with_std(design, terms, spread), cutoff, rate, drives.gain, drives.force_unit)
+    tell(1.0)
+    return Fit(model, design, solution, spread, factors.rows)
+
+
+def settle(design: Design, held: Sequence[Block], drives: Drives, cutoff: float, rate: float) -> Design:
+    """Return the design with shape parameters, and the load where an effect needs it, that fit the held rows."""
+    needs_load = any(isinstance(term.effect, LoadFriction) for term in design.terms)
+    has_shapes = any(term.effect.shapes for term in design.terms)
+    if not (needs_load or has_shapes):
+        return design
+    before = np.inf
+    for _ in range(ROUNDS):
+        if needs_load:
+            # The first load comes from a fit that leaves out what depends on it.
+            known = design if design.load is not None else without(design, LoadFriction)
+            parameters = solve(known, factorise(known, known.rows(held))).parameters
+            terms = with_coefficients(known, parameters)
+            model = CurrentModel(design.robot, terms, cutoff, rate, drives.gain, drives.force_unit)
+            design = replace(design, load=model.load)
+        if has_shapes:
+            design = optimise_shapes(design, held)
+        solution = solve(design, factorise(design, design.rows(held)))
+        now = float(np.sum(np.log(solution.variance)))
+        if not needs_load or before - now < SETTLED:
+            break
+        before = now
+    return design
+
+
+def without(design: Design, kind: type[Effect]) -> Design:
+    """Return the design without the effects of a kind."""
+    return replace(design, terms=tuple(term for term in design.terms if not isinstance(term.effect, kind)))
+
+
+def huber(design: Design, solution: Solution) -> Callable[[Rows], FloatArray]:
+    """Return Huber's weights of rows under a solution, scaled by each joint's residual spread."""
+    scale = np.sqrt(solution.variance)
+
+    def weigh(rows: Rows) -> FloatArray:
+        residual = rows.target - np.stack(
+            [m @ solution.parameters[design.columns_of_joint(j)] for j, m in enumerate(rows.matrices)], axis=1
+        )
+        return np.minimum(1.0, HUBER * scale / np.maximum(np.abs(residual), 1e-300))
+
+    return weigh
+
+
+def with_coefficients(design: Design, parameters: FloatArray) -> tuple[Term, ...]:
+    """Return the design's terms with their coefficients, standard deviations still unknown."""
+    terms = []
+    for k, term in enumerate(design.terms):
+        own = parameters[design.columns_of_term(k)]
+        terms.append(replace(term, coefficients=own, std=np.full(len(own), np.nan)))
+    return tuple(terms)
+
+
+def with_std(design: Design, terms: Iterable[Term], spread: FloatArray) -> tuple[Term, ...]:
+    """Return terms with the standard deviations of their coefficients and shapes; NaN where not determined."""
+    std = np.sqrt(np.maximum(np.diag(spread), 0.0))
+    std[std == 0.0] = np.nan
+    described, shape = [], design.count
+    for k, term in enumerate(terms):
+        count = len(term.shape)
+        described.append(replace(term, std=std[design.columns_of_term(k)], shape_std=std[shape : shape + count]))
+        shape += count
+    return tuple(described)

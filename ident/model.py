@@ -1,0 +1,143 @@
+"""The current model: effects with fitted parameters, which together say what a robot's motors should draw."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from functools import cached_property
+
+import numpy as np
+
+from ident.arrays import FloatArray
+from ident.effects.base import Coefficient, Context, Effect, Shape, Term
+from ident.effects.rigid_body import Links, RotorInertia
+from ident.log import JointLog, LogSource, Sample
+from ident.robot import Robot
+from ident.signals import CausalDerivatives, Motion, derive
+from ident.walk import walk
+
+NEWTON_METRE = "N m"
+"""Force unit of a model whose drive gains are known; forces of prismatic joints are then in N."""
+
+
+@dataclass(eq=False)
+class CurrentModel:
+    """Sum of effects, each with its parameters; satisfies ``CurrentPredictor``.
+
+    Attributes:
+        robot: the robot.
+        terms: effects with their parameters.
+        cutoff: cut-off [Hz] of the filters that derive velocity and acceleration.
+        rate: sampling rate [Hz] of the logs it was identified from; filters of ``step`` are designed for it.
+        gain: force unit per unit of current, (n,); ones where the gains are unknown.
+        force_unit: unit of the model's forces: N m where the drive gains are known, else the current's unit.
+    """
+
+    robot: Robot
+    terms: tuple[Term, ...]
+    cutoff: float
+    rate: float
+    gain: FloatArray
+    force_unit: str
+    _online: tuple[CausalDerivatives, list[FloatArray]] | None = field(default=None, init=False, repr=False)
+
+    @property
+    def n(self) -> int:
+        """Number of joints."""
+        return self.robot.n
+
+    @property
+    def unit(self) -> str:
+        """Unit of the current it predicts."""
+        return self.robot.unit
+
+    def unit_of(self, effect: Effect, parameter: Coefficient | Shape) -> str:
+        """Return the unit of a parameter of one of its effects, written out."""
+        prismatic = effect.joint is not None and bool(self.robot.multibody.prismatic[effect.joint])
+        force = "N" if prismatic and self.force_unit == NEWTON_METRE else self.force_unit
+        return parameter.unit.replace("{current}", force).replace("{angle}", "m" if prismatic else "rad")
+
+    @cached_property
+    def link_parameters(self) -> FloatArray:
+        """Inertial parameters (n, 10 n) that row j of the links' equations uses, in force units.
+
+        Only base parameters are set; the others are nought. Rows differ where each joint has parameters of its own.
+        """
+        rows = np.zeros((self.n, 10 * self.n))
+        for term in self.terms:
+            if isinstance(term.effect, Links):
+                joints = slice(None) if term.effect.joint is None else term.effect.joint
+                rows[joints, term.effect.base(self.robot).columns] = term.coefficients
+        return rows
+
+    @cached_property
+    def rotor_inertia(self) -> FloatArray:
+        """Reflected rotor inertia (n,) in force units per acceleration; nought where it is part of the links'."""
+        inertia = np.zeros(self.n)
+        for term in self.terms:
+            if isinstance(term.effect, RotorInertia):
+                inertia[term.effect.joint] += term.coefficients[0]
+        return inertia
+
+    def load(self, motion: Motion) -> FloatArray:
+        """Force (N, n) that the links need for a motion."""
+        return self.robot.rigid_body.inverse_dynamics(motion.q, motion.dq, motion.ddq, self.link_parameters)
+
+    def friction(self, motion: Motion, memories: list[FloatArray] | None = None) -> FloatArray:
+        """Force (N, n) of everything but links and rotors, carrying the memories forward (default: from a start)."""
+        return self._sum(
+            motion, self.load(motion), self.start() if memories is None else memories, (Links, RotorInertia)
+        )
+
+    def force(self, motion: Motion, memories: list[FloatArray]) -> FloatArray:
+        """Force (N, n) of all effects, carrying the memories forward."""
+        load = self.load(motion)
+        return load + self._sum(motion, load, memories, (Links,))
+
+    def start(self) -> list[FloatArray]:
+        """Memories of the terms at the start of a segment."""
+        return [term.effect.start() for term in self.terms]
+
+    def predict(self, log: JointLog, causal: bool = False) -> FloatArray:
+        """Predict the current (N, n); NaN in rows whose segment is too short to derive velocity from."""
+        if not causal:
+            return np.concatenate([predicted for _, predicted in self.predict_blocks(log)])
+        predicted = np.empty_like(log.q)
+        motion = derive(log, self.cutoff, causal=True)
+        for segment in log.segments():
+            predicted[segment] = self.force(motion[segment], self.start()) / self.gain
+        return predicted
+
+    def predict_blocks(self, source: LogSource) -> Iterator[tuple[JointLog, FloatArray]]:
+        """Walk a log and yield (rows, predicted current (rows, n)) with zero-phase filters, in bounded memory."""
+        memories = self.start()
+        for block in walk(source, self.cutoff):
+            if block.first:
+                memories = self.start()
+            yield block.log, self.force(block.motion, memories) / self.gain
+
+    def reset(self) -> None:
+        """Forget all memory, as at the start of a segment."""
+        self._online = (CausalDerivatives(self.rate, self.cutoff, self.n), self.start())
+
+    def step(self, sample: Sample) -> FloatArray:
+        """Predict the current (n,) at one sample with the causal filters."""
+        if self._online is None:
+            self.reset()
+            return self.step(sample)
+        derivatives, memories = self._online
+        q, dq, ddq = derivatives.step(sample.t, sample.q, sample.dq)
+        motion = Motion(np.array([sample.t]), q[None], dq[None], ddq[None])
+        return (self.force(motion, memories) / self.gain)[0]  # type: ignore[no-any-return]
+
+    def _sum(
+        self, motion: Motion, load: FloatArray, memories: list[FloatArray], without: tuple[type, ...]
+    ) -> FloatArray:
+        context = Context(self.robot, motion, load)
+        total = np.zeros_like(motion.q)
+        for term, memory in zip(self.terms, memories, strict=True):
+            effect = term.effect
+            if not isinstance(effect, without):
+                joints = slice(None) if effect.joint is None else effect.joint
+                total[:, joints] += effect.current(context, term.shape, term.coefficients, memory)
+        return total

@@ -1,0 +1,111 @@
+"""A current model as a readable file."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import fields
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ident.effects import load_catalogue
+from ident.effects.base import Effect, Term
+from ident.errors import InputError
+from ident.model import CurrentModel
+from ident.robot import Robot
+
+FILE = "model.json"
+FORMAT = 1
+
+
+def save_model(model: CurrentModel, folder: Path) -> None:
+    """Write the model to ``folder/model.json``: effects, parameters with units and standard deviations."""
+    content = {
+        "format": FORMAT,
+        "robot": model.robot.name,
+        "joints": list(model.robot.joints),
+        "unit": model.unit,
+        "force_unit": model.force_unit,
+        "gain": model.gain.tolist(),
+        "cutoff_hertz": model.cutoff,
+        "rate_hertz": model.rate,
+        "terms": [_write(model, term) for term in model.terms],
+    }
+    (folder / FILE).write_text(json.dumps(content, indent=1) + "\n")
+
+
+def load_model(folder: str | Path, robot: Robot) -> CurrentModel:
+    """Read a model that ``save_model`` wrote.
+
+    Raises:
+        InputError: there is no model, it cannot be read, or it belongs to another robot.
+    """
+    path = Path(folder) / FILE
+    try:
+        content = json.loads(path.read_text())
+    except OSError as error:
+        raise InputError("no model", str(path), "give the folder that identify, gap or train wrote") from error
+    except ValueError as error:
+        raise InputError(f"not a model file ({error})", str(path), "identify again") from error
+    for key, here in (("joints", list(robot.joints)), ("unit", robot.unit)):
+        if content.get(key) != here:
+            raise InputError(
+                f"the model's {key} {content.get(key)} are not the robot's {here}", str(path), "give this robot's model"
+            )
+    try:
+        return CurrentModel(
+            robot,
+            tuple(_read(robot, term, path) for term in content["terms"]),
+            float(content["cutoff_hertz"]),
+            float(content["rate_hertz"]),
+            np.array(content["gain"], dtype=float),
+            content["force_unit"],
+        )
+    except (KeyError, TypeError) as error:
+        raise InputError(f"the model lacks or spoils {error}", str(path), "identify again") from error
+
+
+def _write(model: CurrentModel, term: Term) -> dict[str, Any]:
+    effect = term.effect
+    options = {f.name: getattr(effect, f.name) for f in fields(effect) if f.name != "joint"}
+    return {
+        "effect": effect.name,
+        "joint": None if effect.joint is None else effect.joint + 1,
+        **({"options": options} if options else {}),
+        "shape": [
+            {"name": s.name, "value": v, "std": _number(d), "unit": model.unit_of(effect, s)}
+            for s, v, d in zip(effect.shapes, term.shape.tolist(), term.shape_std.tolist(), strict=True)
+        ],
+        "coefficients": [
+            {"name": c.name, "value": v, "std": _number(d), "unit": model.unit_of(effect, c)}
+            for c, v, d in zip(
+                effect.coefficients(model.robot), term.coefficients.tolist(), term.std.tolist(), strict=True
+            )
+        ],
+    }
+
+
+def _read(robot: Robot, written: dict[str, Any], path: Path) -> Term:
+    kinds = load_catalogue()
+    if written["effect"] not in kinds:
+        what = f"unknown effect {written['effect']!r}"
+        raise InputError(what, str(path), "import the module that defines it, or update sensorless")
+    options = {k: tuple(v) if isinstance(v, list) else v for k, v in written.get("options", {}).items()}
+    joint = None if written["joint"] is None else int(written["joint"]) - 1
+    effect: Effect = kinds[written["effect"]](joint, **options)
+    names = [c["name"] for c in written["coefficients"]]
+    if names != [c.name for c in effect.coefficients(robot)]:
+        what = f"parameters of {effect.name} do not fit the robot's URDF"
+        raise InputError(what, str(path), "give the URDF that the model was identified with")
+    return Term(
+        effect,
+        np.array([s["value"] for s in written["shape"]], dtype=float),
+        np.array([c["value"] for c in written["coefficients"]], dtype=float),
+        np.array([np.nan if c["std"] is None else c["std"] for c in written["coefficients"]], dtype=float),
+        np.array([np.nan if s["std"] is None else s["std"] for s in written["shape"]], dtype=float),
+    )
+
+
+def _number(value: float) -> float | None:
+    return None if np.isnan(value) else value
