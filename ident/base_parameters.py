@@ -16,8 +16,8 @@ if TYPE_CHECKING:
 PARAMETER_NAMES = ("m", "mx", "my", "mz", "Ixx", "Ixy", "Iyy", "Ixz", "Iyz", "Izz")
 SEED = 0
 SAMPLES_PER_COLUMN = 3
-INDEPENDENT = 1e-6  # share of a column (of unit norm) that the columns before it must leave open
-NEGLIGIBLE = 1e-9  # coefficient, of unit columns, below which a parameter does not belong to a combination
+ROUNDING = 1e-5  # what a URDF's 1.5708 for pi/2 opens between columns that are dependent (7e-6 seen) is no information
+ZERO = 1e-9  # coefficient, of unit columns, that is numerical noise
 
 
 @dataclass(frozen=True, eq=False)
@@ -28,7 +28,7 @@ class BaseParameters:
         columns: parameters that stand for a combination each, in rising order, (b,).
         projection: what each combination is made of, (b, 10 n); the identity on ``columns``.
         names: the parameters that stand for the combinations, joints from 1: ``m3``, ``mx4``, ``Ixx2``.
-        combinations: each combination written out, ``Ixx2 - Iyy2 + 0.0934 m3``; SI units.
+        combinations: each combination written out but for its smallest terms, ``Ixx2 - Iyy2 + 0.0934 m3``; SI units.
     """
 
     columns: IntArray
@@ -43,16 +43,17 @@ def find_base_parameters(rigid_body: RigidBody, joint: int | None = None) -> Bas
     Columns are taken from the base outwards, in Pinocchio's order within a link, and kept where those before them
     leave something open. What depends on them is regrouped towards the base, as in the closed forms of Gautier and
     Khalil (1990). The motion is drawn from the joint limits with a fixed seed, so the answer is always the same; it
-    depends on the mechanism's gravity, which decides what the first joints show.
+    depends on the mechanism's gravity, which decides what the first joints show. ``W @ pi == W_b @ projection @ pi``
+    holds to rounding, that of the URDF's angles where they are written to six figures.
     """
     regressor = _random_regressor(rigid_body, joint)
     scale = np.linalg.norm(regressor, axis=0)
-    seen = scale > NEGLIGIBLE * scale.max(initial=0.0)
+    seen = scale > ROUNDING * scale.max(initial=0.0)
     unit = np.divide(regressor, scale, where=seen, out=np.zeros_like(regressor))
     triangle: FloatArray = np.linalg.qr(unit).R
     columns = _independent(triangle, _from_the_base(rigid_body.multibody), seen)
     weights = np.linalg.lstsq(triangle[:, columns], triangle, rcond=None)[0]
-    weights[np.abs(weights) < NEGLIGIBLE] = 0.0
+    weights[np.abs(weights) < ZERO] = 0.0
     weights[:, columns] = np.eye(len(columns))
     projection = weights * scale / scale[columns, None]
     names = [f"{name}{joint + 1}" for joint in range(rigid_body.n) for name in PARAMETER_NAMES]
@@ -90,7 +91,7 @@ def _independent(triangle: FloatArray, order: IntArray, candidates: FloatArray) 
         for _ in range(2):
             rest = rest - basis @ (basis.T @ rest)
         size = np.linalg.norm(rest)
-        if candidates[column] and size > INDEPENDENT:
+        if candidates[column] and size > ROUNDING:
             chosen.append(column)
             basis = np.column_stack([basis, rest / size])
     return np.array(sorted(chosen), dtype=np.int64)
@@ -98,7 +99,7 @@ def _independent(triangle: FloatArray, order: IntArray, candidates: FloatArray) 
 
 def _written(row: FloatArray, names: list[str]) -> str:
     terms = ""
-    for index in np.flatnonzero(row):
+    for index in np.flatnonzero(np.abs(row) > ROUNDING):
         size = abs(row[index])
         factor = "" if np.isclose(size, 1.0, rtol=1e-9) else f"{size:.4g} "
         sign = "-" if row[index] < 0 else "+"
