@@ -150,20 +150,23 @@ def _validate(raw: dict[str, Any], problems: dict[str, str]) -> RobotCard | None
 
 
 def _key(raw: dict[str, Any], location: tuple[int | str, ...]) -> str:
-    """Name the key at fault: below a table come keys, below a list indices, and what else pydantic adds is dropped."""
+    """Name the key at fault; parts that name a type pydantic tried, ``list[...]`` or ``constrained-str``, are dropped."""
     parts: list[str] = []
     here: Any = raw
     for part in location:
-        if isinstance(here, dict):
+        in_table = isinstance(here, dict)
+        if in_table and "[" not in str(part) and "constrained" not in str(part):
             here = here.get(str(part))
-        elif not isinstance(part, int):
+        elif in_table or not isinstance(part, int):
             continue
         parts.append(str(part))
     return ".".join(parts)
 
 
 def _plain(message: str) -> str:
-    message = message.removeprefix("Value error, ")
+    message = message.removeprefix("Value error, ").replace(" after validation", "")
+    if message.startswith("Input should be a valid dictionary"):
+        return "should be a table"
     return {"Field required": "missing"}.get(message, message[:1].lower() + message[1:])
 
 

@@ -181,3 +181,17 @@ def test_an_unreadable_card_is_refused(tmp_path):
         load_robot(path)
     with pytest.raises(InputError, match=r"no robot 'vs061'.*vs060"):
         load_robot("vs061")
+
+
+@pytest.mark.parametrize(
+    ("text", "what"),
+    [
+        ("drive = 3", "drive: should be a table"),
+        ("joints = []", "joints: list should have at least 1 item, not 0"),
+        ("[log]\ntime = 't'\nposition = { a = 1 }\ncurrent = 'i'", "log.position: input should be a valid list"),
+    ],
+)
+def test_a_value_of_the_wrong_kind_is_reported_in_the_card_s_own_words(tmp_path, text, what):
+    with pytest.raises(InputError) as caught:
+        load_robot(card(tmp_path, text))
+    assert caught.value.what == what
