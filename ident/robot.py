@@ -150,7 +150,7 @@ def _validate(raw: dict[str, Any], problems: dict[str, str]) -> RobotCard | None
 
 
 def _key(raw: dict[str, Any], location: tuple[int | str, ...]) -> str:
-    """Name the key at fault; parts that name a type pydantic tried, ``list[...]`` or ``constrained-str``, are dropped."""
+    """Name the key at fault, without the types pydantic tried there (``list[...]``, ``constrained-str``)."""
     parts: list[str] = []
     here: Any = raw
     for part in location:
