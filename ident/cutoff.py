@@ -72,10 +72,11 @@ def choose_cutoff(log: JointLog) -> CutoffChoice:
     excess = np.mean(errors - errors.min(axis=0), axis=1)
     balanced = float(candidates[excess <= max(float(excess.min()), NEGLIGIBLE**2)].max())
     band = _band(frequency, motion)
-    hertz = float(f"{min(max(SPAN * band, AMPLE), balanced):.3g}")
-    if hertz < balanced:
+    ample = max(SPAN * band, AMPLE)
+    hertz = float(f"{min(ample, balanced):.3g}")
+    if ample < balanced:
         reason = f"there is little noise, and this is well above the {band:.2g} Hz that hold 90 % of the acceleration"
-    elif hertz > 0.99 * highest:
+    elif balanced > 0.99 * highest:
         reason = "there is little noise, and no higher one is of use for an arm at this rate"
     else:
         reason = "above it the positions hold more noise than motion"

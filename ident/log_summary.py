@@ -165,10 +165,20 @@ def _smallest_step(x: FloatArray) -> float:
 
 
 def _velocity_lag(log: JointLog, motion: Motion) -> FloatArray:
-    """Lag of the logged velocity [s]: the tau that best makes it dq - tau ddq; NaN for joints that hardly move."""
+    """Lag tau of the logged velocity [s], where that is dq - tau ddq; NaN for joints that hardly move.
+
+    The sum of absolute deviations is least for the median of (dq - logged) / ddq weighted with abs(ddq); a few rows
+    with wrong velocities, as at the ends of a filtered log, do not move it.
+    """
     logged = derive(log, min(VIEW_CUTOFF, 0.2 * log.rate)).dq
-    energy = np.nansum(motion.ddq**2, axis=0)
-    moves = np.nan_to_num(np.abs(motion.dq)).max(axis=0) > 10.0 * REST_SPEED
+    known = np.isfinite(motion.ddq).all(axis=1)
     lag: FloatArray = np.full(log.n, np.nan)
-    lag[moves] = -np.nansum((logged - motion.dq) * motion.ddq, axis=0)[moves] / energy[moves]
+    for j in range(log.n):
+        difference, ddq = (motion.dq - logged)[known, j], motion.ddq[known, j]
+        if not known.any() or np.abs(motion.dq[known, j]).max() < 10.0 * REST_SPEED:
+            continue
+        ratio, weight = difference / np.where(ddq == 0.0, np.inf, ddq), np.abs(ddq)
+        order = np.argsort(ratio)
+        half = np.searchsorted(np.cumsum(weight[order]), 0.5 * weight.sum())
+        lag[j] = ratio[order[half]]
     return lag
