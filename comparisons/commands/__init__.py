@@ -1,0 +1,1 @@
+"""Commands of ``sensorless``, one file each; ``comparisons.cli.COMMANDS`` lists them."""
