@@ -67,6 +67,7 @@ def build_app() -> App:
         exit_on_error=False,
         result_action="return_value",
         help_format="plaintext",
+        suppress_keyboard_interrupt=False,
     )
     for name, purpose in COMMANDS.items():
         app.command(f"comparisons.commands.{name}:{name}", name=name, help=purpose)
