@@ -13,6 +13,7 @@ import numpy as np
 
 from ident.arrays import FloatArray
 from ident.compiled import compiled, over_rows
+from learned.alignment import aligned
 from learned.model_file import TrainedModel
 from learned.motion_discriminator import MEDIAN_SAMPLES, MotionDiscriminator, scan
 from learned.window import Frames, complete, pad
@@ -169,11 +170,9 @@ class DenseRuntime:
 
     def __init__(self, trained: TrainedModel) -> None:
         self._trained = trained
-        graph = trained.architecture.stacked()
         self._memory = trained.architecture.memory
-        self._program = graph.program()
-        self._outputs = np.array(graph.outputs, dtype=np.int64)
-        self._weights = np.ascontiguousarray(trained.weights, dtype=np.float32)
+        graph = trained.architecture.stacked()
+        self._program, self._weights, self._work, self._outputs = aligned(graph, trained.weights)
         self._gain, self._offset = trained.output_gain.copy(), trained.output_offset.copy()
         n = trained.architecture.n
         self._discriminator = MotionDiscriminator(trained.discriminator, n)
@@ -181,8 +180,7 @@ class DenseRuntime:
         self._scales = np.stack(
             [np.concatenate([s.mean for s in scalings]), np.concatenate([s.gain for s in scalings])]
         )
-        self._work = np.zeros(graph.width, dtype=np.float32)
-        self._used = np.zeros(graph.width, dtype=np.int64)
+        self._used = np.zeros(len(self._work), dtype=np.int64)
         self._counters = np.zeros(2, dtype=np.int64)
         self._row = np.zeros((1, trained.discriminator.count, n))
         self._ring = np.zeros((MEDIAN_SAMPLES, n))
