@@ -174,7 +174,7 @@ class LogChecker:
 
 
 def check(log: JointLog, robot: Robot, path: Path) -> JointLog:
-    """Check a whole log in memory and return it as it is.
+    """Check a whole log in memory and return it, its segment numbers whole numbers.
 
     Args:
         log: to be checked.
@@ -185,9 +185,9 @@ def check(log: JointLog, robot: Robot, path: Path) -> JointLog:
         InputError: what is wrong, in which row and column, and how to mend it.
     """
     checker = LogChecker(robot, path)
-    checker.check(log)
+    checked = checker.check(log)
     checker.finish()
-    return log
+    return checked
 
 
 def _column(key: str, channel: int, names: Mapping[str, tuple[str, ...]]) -> str:

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ident.arrays import FloatArray, IntArray
+from ident.arrays import FloatArray
 from ident.log import JointLog
 from ident.robot import JointLimits
 from ident.signals import Motion, derive
@@ -17,6 +17,8 @@ STILL_RANGE = 1e-3
 """A joint whose position stays within this [rad or m] never moves."""
 GAP = 1.5
 """A step longer than this many median steps is a gap."""
+FEWEST_STEPS = 8
+"""A quantum is claimed from no fewer small differences."""
 VIEW_CUTOFF = 5.0
 """Low pass [Hz] of the velocities that are summarised, at most a fifth of the rate."""
 
@@ -146,22 +148,22 @@ def summarise(log: JointLog, limits: JointLimits | None = None) -> LogSummary:
 
 
 def _smallest_step(x: FloatArray) -> float:
-    """Return the quantum of a signal, 0 where its differences are not multiples of one.
+    """Return the quantum of a signal, 0 where its small differences are not multiples of one.
 
-    The smallest difference is tried and, because rounding in the log spreads it, refined by the others it divides.
+    The smallest difference is the first guess; decimal rounding in the log spreads it, so all small ones refine it.
     """
     steps = np.abs(np.diff(x))
-    steps = steps[steps > 1e-9 * max(float(np.ptp(x)), 1e-300)]
-    if len(steps) < 2:
+    steps = steps[steps > 1e-9 * float(np.ptp(x))]
+    if len(steps) == 0:
         return 0.0
-    quantum = float(np.quantile(steps, 0.01))
-    near = steps[steps < 20.5 * quantum]
+    quantum = float(np.median(steps[steps < 1.5 * steps.min()]))
+    small = steps[steps < 20.5 * quantum]
     for _ in range(3):
-        counts: IntArray = np.maximum(np.round(near / quantum), 1).astype(np.int64)
-        quantum = float(np.sum(near * counts) / np.sum(counts**2))
-    ratio = near / quantum
-    fits = np.abs(ratio - np.round(ratio)) < 0.1
-    return quantum if len(near) > 1 and np.mean(fits) > 0.9 else 0.0
+        counts = np.maximum(np.round(small / quantum), 1.0)
+        quantum = float(np.sum(small * counts) / np.sum(counts**2))
+    ratio = small / quantum
+    multiples = np.abs(ratio - np.round(ratio)) < 0.1
+    return quantum if len(small) >= FEWEST_STEPS and np.mean(multiples) > 0.9 else 0.0
 
 
 def _velocity_lag(log: JointLog, motion: Motion) -> FloatArray:

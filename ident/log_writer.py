@@ -98,7 +98,7 @@ class LogWriter:
             elif table.schema != self._schema:
                 what = f"a block with columns {', '.join(table.schema.names)} after {', '.join(self._schema.names)}"
                 raise InputError(what, str(self.path), "give every block the same columns")
-            self._sink.write_table(table, GROUP_ROWS)
+            self._sink.write_table(table, 2 * GROUP_ROWS)  # so that a little over is no group of its own
         self._held = []
 
     def _open(self, schema: pa.Schema) -> None:
@@ -132,5 +132,5 @@ def _columns(log: JointLog) -> dict[str, Array]:
     for key, names in contract_columns(log.n).items():
         value = getattr(log, key)
         if value is not None:
-            columns |= dict(zip(names, np.reshape(value, (len(log), -1)).T, strict=True))
+            columns |= dict(zip(names, np.atleast_2d(value.T), strict=True))
     return columns
