@@ -10,10 +10,35 @@ if TYPE_CHECKING:
     from comparisons.virtual_robot.motion import Protocol
 
 _HOME = {
+    "contact_episodes": "contact",
+    "continuous": "paper",
     "fourier": "excitation",
+    "generate": "dataset",
+    "mixed": "paper",
+    "payload_pair": "calibration",
+    "plateaus": "calibration",
+    "reversals": "calibration",
     "sinusoid": "excitation",
+    "static_poses": "calibration",
+    "stop_and_go": "paper",
+    "torque_ramps": "calibration",
 }
-__all__ = ["fourier", "named", "sinusoid"]
+_NO_PROTOCOL = ("generate", "payload_pair")
+__all__ = [
+    "contact_episodes",
+    "continuous",
+    "fourier",
+    "generate",
+    "mixed",
+    "named",
+    "payload_pair",
+    "plateaus",
+    "reversals",
+    "sinusoid",
+    "static_poses",
+    "stop_and_go",
+    "torque_ramps",
+]
 
 
 def named(protocol: str) -> Callable[..., "Protocol"]:
@@ -23,8 +48,9 @@ def named(protocol: str) -> Callable[..., "Protocol"]:
         InputError: there is none.
     """
     key = protocol.replace("-", "_")
-    if key not in _HOME:
-        raise InputError(f"no protocol {protocol!r}", "protocol", f"name one of {', '.join(sorted(_HOME))}")
+    known = [name for name in _HOME if name not in _NO_PROTOCOL]
+    if key not in known:
+        raise InputError(f"no protocol {protocol!r}", "protocol", f"name one of {', '.join(known)}")
     found: Callable[..., Protocol] = __getattr__(key)
     return found
 

@@ -20,7 +20,8 @@ from comparisons.virtual_robot.servo import PositionLoop
 from comparisons.virtual_robot.transmission import ripple, spring_scan
 from comparisons.virtual_robot.truth import Truth
 from ident.arrays import FloatArray
-from ident.log import JointLog, concatenate
+from ident.log import JointLog
+from ident.readers.source import join
 from ident.rigid_body import RigidBody
 from ident.robot import Robot
 
@@ -91,7 +92,7 @@ class VirtualRobot:
     def record(self, protocol: Protocol, seed: int = 0, **options: Any) -> JointLog:
         """Return the whole log of a protocol in memory; ``options`` as for `simulate`."""
         blocks = self.simulate(protocol.blocks(), protocol.rate, seed, name=protocol.name, **options)
-        return _joined(list(blocks), protocol.name)
+        return join(list(blocks))
 
     def rigid_torque(self, q: FloatArray, dq: FloatArray, ddq: FloatArray) -> FloatArray:
         """Return what the true links ask of the joints along a motion, (N, n) each [N m]."""
@@ -101,12 +102,6 @@ class VirtualRobot:
         """Return the true mass matrix with the motors' reflected inertia, (n, n), at ``q`` (n,)."""
         mass: FloatArray = self._body.mass_matrix(q, self.laws.link_parameters) + np.diag(self.laws.rotor_inertia)
         return mass
-
-
-def _joined(blocks: list[JointLog], name: str) -> JointLog:
-    """Join consecutive blocks of one simulation, keeping the numbers of their segments."""
-    segment = np.concatenate([block.segment for block in blocks])
-    return concatenate(blocks, name).replace(segment=segment)
 
 
 @dataclass
