@@ -133,9 +133,9 @@ class LogChecker:
         if wild.any():
             row, joint = np.argwhere(wild)[0]
             what = f"q{joint + 1} = {piece.q[row, joint]:.6g} looks like degrees"
-            how = "set scale position = 0.0174533 in [log] of the card"
-            if not np.isfinite(widest[joint]):
-                how += ", or the joint's [limits] if it turns that far"
+            how = (
+                "set scale position = 0.0174533 in [log] of the card, or the joint's [limits] if it does turn that far"
+            )
             raise InputError(what, self._at(int(row)), how)
         if (excess > 0).any():
             row, joint = np.argwhere(excess > 0)[0]

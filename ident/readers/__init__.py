@@ -21,7 +21,7 @@ def open_log(path: str | Path, robot: Robot) -> LogSource:
     """Open a log of any readable format, by its suffix; nothing is read before it is walked.
 
     Args:
-        path: a file, or the folder of a rosbag2 with its metadata.yaml.
+        path: a file, or the folder of a rosbag2 (without its metadata.yaml: a folder with one log in it).
         robot: whose log it is; its card may map foreign column names.
 
     Raises:
@@ -30,6 +30,11 @@ def open_log(path: str | Path, robot: Robot) -> LogSource:
     path = Path(path)
     if not path.exists():
         raise InputError("no such log", str(path), "check the path")
+    if path.is_dir() and not _is_bag_folder(path):
+        inside = _expand(path)
+        if len(inside) != 1:
+            raise InputError(f"a folder with {len(inside)} logs in it", str(path), "name one of them")
+        return open_log(inside[0], robot)
     suffix = ".bag" if _is_bag_folder(path) else path.suffix.lower()
     # The readers' libraries are heavy and mostly not needed: only the one that is asked for is imported.
     if suffix == ".csv":

@@ -161,7 +161,7 @@ def assemble(arrays: Mapping[str, Array], columns: Columns, n: int, path: Path) 
                 raise InputError(what, str(path), "name one column a joint, or an array with one column a joint")
         if key in columns.scale:
             value = value * columns.scale[key]
-        fields[key] = value
+        fields[key] = value if key == "segment" else value.astype(np.float64, copy=False)
     rows = {key: len(value) for key, value in fields.items()}
     if len(set(rows.values())) > 1:
         listing = ", ".join(f"{columns.names[key][0]} {count}" for key, count in rows.items())

@@ -214,6 +214,7 @@ def test_rosbag2_with_and_without_metadata(tmp_path, robot, plugin):
     (file,) = (tmp_path / "rec").iterdir()
     source = open_log(file, robot)
     assert_bag(source.read())
+    assert_bag(open_log(tmp_path / "rec", robot).read())
     assert sum(len(block) for block in source.blocks(7)) == 20
 
 
@@ -298,7 +299,20 @@ def test_patterns_without_a_log_are_refused(tmp_path, robot, pattern):
         open_logs([tmp_path / pattern], robot)
 
 
+def test_whole_numbers_become_floats(tmp_path, robot):
+    columns = {name: [0, 1] for name in ("t", "q1", "q2", "i1", "i2")}
+    pyarrow.parquet.write_table(pa.table(columns), tmp_path / "a.parquet")
+    log = open_log(tmp_path / "a.parquet", robot).read()
+    assert log.t.dtype == log.q.dtype == log.current.dtype == np.float64
+    assert log.segment.dtype == np.int64
+
+
 def test_other_formats_and_no_pattern_are_refused(tmp_path, robot):
+    (tmp_path / "empty").mkdir()
+    with pytest.raises(InputError, match="folder with 0 logs"):
+        open_log(tmp_path / "empty", robot)
+    with pytest.raises(InputError, match="no such log"):
+        open_log(tmp_path / "gone.csv", robot)
     (tmp_path / "a.xlsx").write_text("")
     with pytest.raises(InputError, match="xlsx is not read"):
         open_log(tmp_path / "a.xlsx", robot)

@@ -1,5 +1,8 @@
+from pathlib import Path
+
 import numpy as np
 import pytest
+import scipy.io
 import scipy.signal
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -16,6 +19,7 @@ from ident.signals import (
     zero_phase,
 )
 
+DATA = Path(__file__).parents[2].parent / "shared" / "data"
 RATE, CUTOFF = 100.0, 10.0
 
 
@@ -240,3 +244,38 @@ def test_cutoff_of_logs_that_say_nothing():
     assert "no joint moves" in choose_cutoff(still).reason
     short, _ = sine_log(seconds=0.3)
     assert "too short" in choose_cutoff(short).reason
+
+
+measured = pytest.mark.skipif(not DATA.is_dir(), reason="the measured logs are not here")
+
+
+def measured_log(name):
+    """Positions (and velocities) of a measured log; it is motion that is tried here, so currents are left at nought."""
+    if name.startswith("kuka"):
+        file = np.load(DATA / name)
+        t, q, dq = file["times"], file["positions"], file["velocities"]
+    elif name.startswith("panda"):
+        t, q, dq = (np.loadtxt(DATA / name / f"exciting_traj_{k}.txt") for k in ("time", "positions", "velocity"))
+        q, dq = q.reshape(-1, 7), dq.reshape(-1, 7)
+    else:
+        file = scipy.io.loadmat(DATA / name)
+        t, q, dq = file["mt"], file["mq"], file["mdq"]
+    return JointLog(t.ravel(), q, np.zeros_like(q), dq=dq)
+
+
+@measured
+@pytest.mark.parametrize(
+    "name", ["ur3_aspectum/id1.mat", "ur3_aspectum/id2.mat", "kuka_lwr4_flobaroid/measurements_1.npz", "panda_inria"]
+)
+def test_cutoffs_of_measured_logs_are_those_of_the_field(name):
+    assert 4.0 < choose_cutoff(measured_log(name)).hertz < 20.0
+
+
+@measured
+@pytest.mark.parametrize("name", ["ur3_aspectum/id1.mat", "ur3_aspectum/id2.mat"])
+def test_derived_velocity_of_a_measured_log_is_the_logged_one(name):
+    log = measured_log(name)
+    cutoff = choose_cutoff(log).hertz
+    derived, logged = derive(log.replace(dq=None), cutoff), derive(log, cutoff)
+    error = np.sqrt(np.mean((derived.dq - logged.dq)[50:-50] ** 2, axis=0))
+    assert (error < 0.03 * np.std(logged.dq, axis=0)).all()
