@@ -80,6 +80,14 @@ class Figures:
             return np.zeros(self.n)
         return self.strength(key) * self.each(getattr(effect, figure), f"{key}.{figure}", default)
 
+    def weakened(self, key: str, figure: str) -> FloatArray:
+        """Return a figure that weakens its effect as it grows, over the strength (n,); inf where there is no effect."""
+        effect: Effect | None = getattr(self.scenario, key)
+        if effect is None:
+            return np.full(self.n, np.inf)
+        strength, value = self.strength(key), self.each(getattr(effect, figure), f"{key}.{figure}")
+        return np.divide(value, strength, out=np.full(self.n, np.inf), where=strength > 0.0)
+
     def loosening(self) -> tuple[FloatArray, FloatArray]:
         """Return how fast stored friction is shaken loose, joint by moving joint (n, n), and what share stays (n,)."""
         effect = self.scenario.cross_joint_hysteresis

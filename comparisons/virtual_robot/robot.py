@@ -170,11 +170,7 @@ class _Run:
         self.before = block.q[0].copy()
         state = stopped(laws.friction, laws.stored_at_start * rng.uniform(-1.0, 1.0, laws.n))
         self.state = FrictionState(state.force, state.slipping, state.anchor, self.heat)
-        self.spring = np.zeros((2, laws.n))
-        if np.any(laws.spring.stiffness > 0.0):
-            still = np.zeros_like(block.q[:1])
-            weight = self.virtual.rigid_torque(block.q[:1], still, still)[0]
-            self.spring[0] = laws.spring.settled(weight)
+        self.spring: FloatArray | None = None
 
     def _motor_torque(self, q: FloatArray, dq: FloatArray, ddq: FloatArray, pushed: FloatArray) -> FloatArray:
         """Return the torque that the motors give along the inner steps of a block, (M, n)."""
@@ -190,6 +186,8 @@ class _Run:
         if laws.balancer is not None:
             torque += balancer(laws.balancer, q)
         if np.any(elastic):
+            if self.spring is None:
+                self.spring = np.stack([laws.spring.settled(torque[0]), np.zeros(laws.n)])
             torque = spring_scan(laws.spring, self.spring, torque, self.dt)
         motor = torque + laws.rotor_inertia * ddq
         motor += friction_scan(laws.friction, self.state, q, dq, torque, self.before, self.dt)

@@ -119,7 +119,6 @@ class Truth:
         slip = np.geomspace(*f.slip, f.elements)
         stribeck = self._figures.each(f.stribeck_speed, "friction.stribeck_speed")
         loosening, kept = self._figures.loosening()
-        thinning = s.viscous_nonlinear
         heat = s.thermal_friction
         power = 0.2 * coulomb + 1e-9
         return FrictionLaw(
@@ -131,8 +130,7 @@ class Truth:
             stribeck=stribeck[:, None] * np.linspace(0.7, 1.4, f.elements),
             attraction=self._figures.each(f.attraction, "friction.attraction"),
             viscous=strength * self._figures.each(f.viscous, "friction.viscous", 0.12 * self.usual_torque),
-            thinning=self._figures.each(thinning.thinning_speed if thinning else np.inf, "viscous_nonlinear")
-            / np.maximum(self._figures.strength("viscous_nonlinear"), 1e-9),
+            thinning=self._figures.weakened("viscous_nonlinear", "thinning_speed"),
             load=self._figures.effect("load_friction", "coefficient", np.zeros(n)),
             asymmetry=self._figures.effect("coulomb_asymmetry", "share", np.zeros(n)),
             position=self._figures.effect("position_friction", "share", np.zeros(n)),
@@ -239,12 +237,7 @@ class Truth:
     @cached_property
     def filter_lag(self) -> FloatArray:
         """Corner of the lag of the reported current [Hz], (n,); inf for none."""
-        effect = self.scenario.filter_lag
-        strength = self._figures.strength("filter_lag")
-        hertz = self._figures.each(effect.hertz if effect else np.inf, "filter_lag.hertz")
-        with np.errstate(divide="ignore"):
-            lag: FloatArray = np.where(strength > 0.0, hertz / strength, np.inf)
-        return lag
+        return self._figures.weakened("filter_lag", "hertz")
 
     @cached_property
     def servo(self) -> tuple[FloatArray, FloatArray, FloatArray]:
