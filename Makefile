@@ -28,7 +28,7 @@ docs: $(VENV)/.docs
 	@echo "docs/_build/html/index.html"
 
 bench: setup
-	$(BIN)/python -m pytest benchmarks -s --benchmark-enable -o python_files="bench_*.py"
+	@for script in benchmarks/*.py; do echo "== $$script"; $(BIN)/python "$$script" || exit 1; done
 
 setup: $(VENV)/.installed
 
