@@ -34,7 +34,7 @@ def _stop_and_go(seed, seconds=60.0, n=2, rate=RATE, segments=1):
     slip = np.zeros((rows, n))
     for k in range(1, rows):
         slip[k] = np.clip(slip[k - 1] + q[k] - q[k - 1], -0.003, 0.003)
-    current = 10.0 * np.cos(q) * np.arange(1, n + 1) + 5.0 * slip / 0.003 + 3.0 * dq
+    current = 10.0 * np.cos(q) * np.arange(1, n + 1) + 3.0 * slip / 0.003 + 3.0 * dq
     t = np.arange(rows) / rate
     segment = np.arange(rows) * segments // rows
     return JointLog(t, q, current + 0.1 * rng.normal(size=q.shape), segment=segment, name=f"log{seed}")
