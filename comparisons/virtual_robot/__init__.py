@@ -4,12 +4,15 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from comparisons.virtual_robot.closed_loop import ClosedLoop, run_closed_loop
     from comparisons.virtual_robot.contact import Hand, Push
     from comparisons.virtual_robot.motion import Protocol, ReferenceBlock
     from comparisons.virtual_robot.robot import VirtualRobot, simulate
     from comparisons.virtual_robot.scenario import Scenario, built_in_scenarios, load_scenario
 
 _HOME = {
+    "ClosedLoop": "closed_loop",
+    "run_closed_loop": "closed_loop",
     "Hand": "contact",
     "Push": "contact",
     "Protocol": "motion",
@@ -21,6 +24,7 @@ _HOME = {
     "load_scenario": "scenario",
 }
 __all__ = [
+    "ClosedLoop",
     "Hand",
     "Protocol",
     "Push",
@@ -29,6 +33,7 @@ __all__ = [
     "VirtualRobot",
     "built_in_scenarios",
     "load_scenario",
+    "run_closed_loop",
     "simulate",
 ]
 

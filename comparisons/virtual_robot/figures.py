@@ -86,7 +86,8 @@ class Figures:
         if effect is None:
             return np.full(self.n, np.inf)
         strength, value = self.strength(key), self.each(getattr(effect, figure), f"{key}.{figure}")
-        return np.divide(value, strength, out=np.full(self.n, np.inf), where=strength > 0.0)
+        weakened: FloatArray = np.divide(value, strength, out=np.full(self.n, np.inf), where=strength > 0.0)
+        return weakened
 
     def loosening(self) -> tuple[FloatArray, FloatArray]:
         """Return how fast stored friction is shaken loose, joint by moving joint (n, n), and what share stays (n,)."""

@@ -9,13 +9,12 @@ from typing import Any
 import numpy as np
 
 from comparisons.virtual_robot.contact import push_effect
-from comparisons.virtual_robot.electrical import DelayLine, LowPass
 from comparisons.virtual_robot.friction import FrictionState, cross_friction, friction_scan, stopped
 from comparisons.virtual_robot.kinematics import Kinematics
 from comparisons.virtual_robot.load import balancer, cable
 from comparisons.virtual_robot.motion import Protocol, ReferenceBlock, reblocked
+from comparisons.virtual_robot.readout import Readout
 from comparisons.virtual_robot.scenario import Scenario, built_in_scenarios, load_scenario
-from comparisons.virtual_robot.sensors import Sensors
 from comparisons.virtual_robot.servo import PositionLoop
 from comparisons.virtual_robot.transmission import ripple, spring_scan
 from comparisons.virtual_robot.truth import Truth
@@ -25,7 +24,6 @@ from ident.readers.source import join
 from ident.rigid_body import RigidBody
 from ident.robot import Robot
 
-INNER_RATE = 1000.0  # [Hz] friction and drives are followed at least this finely
 BLOCK = 2048  # rows simulated at once: about 10 MB of intermediate results
 SEGMENT_PAUSE = 5.0  # [s] between the last row of a segment and the first of the next
 
@@ -58,6 +56,7 @@ class VirtualRobot:
         self.laws = Truth(robot, self.scenario)
         self.kinematics = Kinematics(robot.multibody)
         self._body = RigidBody(robot.multibody)
+        self._parameters = np.tile(self.laws.link_parameters, (robot.n, 1))
 
     @property
     def truth(self) -> dict[str, Any]:
@@ -96,11 +95,32 @@ class VirtualRobot:
 
     def rigid_torque(self, q: FloatArray, dq: FloatArray, ddq: FloatArray) -> FloatArray:
         """Return what the true links ask of the joints along a motion, (N, n) each [N m]."""
-        return self._body.inverse_dynamics(q, dq, ddq, self.laws.link_parameters, self.laws.gravity)
+        return self._body.inverse_dynamics(q, dq, ddq, self._parameters, self.laws.gravity)
+
+    def hanging_torque(self, q: FloatArray) -> FloatArray:
+        """Return what cables and balancers ask of the joints at positions (N, n) [N m]."""
+        torque = np.zeros_like(q)
+        if self.laws.cable is not None:
+            torque += cable(self.laws.cable, q)
+        if self.laws.balancer is not None:
+            torque += balancer(self.laws.balancer, q)
+        return torque
+
+    def gear_torque(self, q: FloatArray, dq: FloatArray, transmitted: FloatArray) -> FloatArray:
+        """Return what ripples and shared gears ask of the motors, (N, n), under the transmitted torque [N m]."""
+        torque = cross_friction(self.laws.cross_friction, dq)
+        for law in self.laws.ripples:
+            torque += ripple(law, q, transmitted)
+        return torque
+
+    def friction_at_start(self, seed: int, segment: int) -> FrictionState:
+        """Return friction as an unknown earlier motion left it, drawn from the seed for each segment."""
+        share = np.random.default_rng([seed, segment, 7]).uniform(-1.0, 1.0, self.robot.n)
+        return stopped(self.laws.friction, self.laws.stored_at_start * share)
 
     def mass_matrix(self, q: FloatArray) -> FloatArray:
         """Return the true mass matrix with the motors' reflected inertia, (n, n), at ``q`` (n,)."""
-        mass: FloatArray = self._body.mass_matrix(q, self.laws.link_parameters) + np.diag(self.laws.rotor_inertia)
+        mass: FloatArray = self._body.mass_matrix(q, self._parameters) + np.diag(self.laws.rotor_inertia)
         return mass
 
 
@@ -114,37 +134,24 @@ class _Run:
 
     def __post_init__(self) -> None:
         laws, servo = self.virtual.laws, self.virtual.laws.servo
-        self.substeps = max(1, int(np.ceil(INNER_RATE / self.rate - 1e-9)))
-        self.dt = 1.0 / (self.rate * self.substeps)
-        self.loop = PositionLoop(*servo, substeps=self.substeps, dt=self.dt)
-        self.sensors = Sensors(laws.sensors, self.rate, self.seed)
-        self.filters: list[LowPass | DelayLine] = [
-            LowPass(laws.smoothing, 2, self.dt),
-            LowPass(laws.filter_lag, 1, self.dt),
-            DelayLine(laws.delay, self.dt),
-        ]
+        self.readout = Readout(laws, self.rate, self.seed)
+        self.dt = self.readout.dt
+        self.loop = PositionLoop(*servo, substeps=self.readout.substeps, dt=self.dt)
         self.segment: int | None = None
         self.heat = np.zeros(laws.n)
         self.clock = 0.0
 
     def advance(self, block: ReferenceBlock, derivatives: bool, external: bool | None, name: str) -> JointLog:
         """Simulate one block and return its rows."""
-        fresh = block.segment != self.segment
-        if fresh:
+        if block.segment != self.segment:
             self._start(block)
-        rows = len(block.q)
-        since = (self.row + np.arange(1, rows * self.substeps + 1) / self.substeps - 1.0) / self.rate
+        rows, substeps = len(block.q), self.readout.substeps
+        since = (self.row + np.arange(1, rows * substeps + 1) / substeps - 1.0) / self.rate
         q, dq, ddq = self.loop.follow(block.q)
         pushed, wrench = push_effect(self.virtual.kinematics, block.pushes, since, q)
         torque = self._motor_torque(q, dq, ddq, pushed)
-        current = self.virtual.laws.drive.current(torque, self.start + since)
-        if fresh:
-            for stage in self.filters:
-                stage.reset(current[0])
-        for stage in self.filters:
-            current = stage.filter(current)
-        logged = slice(self.substeps - 1, None, self.substeps)
-        seen, reported = self.sensors.read(q[logged], current[logged])
+        seen, reported = self.readout.read(self.start + since, q, torque)
+        logged = slice(substeps - 1, None, substeps)
         t = self.start + (self.row + np.arange(rows)) / self.rate
         self.row += rows
         self.clock = float(t[-1]) + SEGMENT_PAUSE
@@ -163,12 +170,11 @@ class _Run:
 
     def _start(self, block: ReferenceBlock) -> None:
         """Stand at the first command with friction stored by an unknown earlier motion; the joints keep their heat."""
-        laws = self.virtual.laws
-        rng = np.random.default_rng([self.seed, block.segment, 7])
+        self.readout.restart()
         self.segment, self.row, self.start = block.segment, 0, self.clock
         self.loop.reset(block.q[0])
         self.before = block.q[0].copy()
-        state = stopped(laws.friction, laws.stored_at_start * rng.uniform(-1.0, 1.0, laws.n))
+        state = self.virtual.friction_at_start(self.seed, block.segment)
         self.state = FrictionState(state.force, state.slipping, state.anchor, self.heat)
         self.spring: FloatArray | None = None
 
@@ -180,21 +186,14 @@ class _Run:
         if np.any(elastic):  # links hang behind the motors by the wind-up of the springs
             wind = np.where(elastic, torque / np.where(elastic, laws.spring.stiffness, 1.0), 0.0)
             torque = self.virtual.rigid_torque(q - wind, dq, ddq)
-        torque -= pushed
-        if laws.cable is not None:
-            torque += cable(laws.cable, q)
-        if laws.balancer is not None:
-            torque += balancer(laws.balancer, q)
+        torque += self.virtual.hanging_torque(q) - pushed
         if np.any(elastic):
             if self.spring is None:
                 self.spring = np.stack([laws.spring.settled(torque[0]), np.zeros(laws.n)])
             torque = spring_scan(laws.spring, self.spring, torque, self.dt)
         motor = torque + laws.rotor_inertia * ddq
         motor += friction_scan(laws.friction, self.state, q, dq, torque, self.before, self.dt)
-        if len(laws.cross_friction.force):
-            motor += cross_friction(laws.cross_friction, dq)
-        for law in laws.ripples:
-            motor += ripple(law, q, torque)
+        motor += self.virtual.gear_torque(q, dq, torque)
         self.before = q[-1].copy()
         return motor
 
