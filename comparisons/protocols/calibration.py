@@ -71,7 +71,7 @@ def plateaus(
 
     Args:
         robot: whose limits to keep; speeds above 80 % of a joint's limit are left out.
-        seconds: about how long; shared equally among the plateaus.
+        seconds: about how long; shared equally among the plateaus, two seconds each at least.
         seed: draws the pose of the other joints.
         rate: sampling rate [Hz].
         speeds: the plateaus [rad/s].

@@ -70,11 +70,14 @@ class Truth:
 
     @cached_property
     def nominal_gain(self) -> FloatArray:
-        """Gain the maker would print [N m per unit of current], (n,): the scenario's, the card's, or 1 % of usual."""
+        """Gain the maker would print [N m per unit of current], (n,): the scenario's, the card's, or a usual one.
+
+        Left out by both, it is such that the usual torque takes 67 units of a percentage or 5 of another unit.
+        """
         given = self.scenario.motors.gain
         if given is None and self.robot.gain is not None:
             return self.robot.gain.copy()
-        return self._figures.each(given, "motors.gain", 0.015 * self.usual_torque)
+        return self._figures.each(given, "motors.gain", self.usual_torque * (0.015 if "%" in self.robot.unit else 0.2))
 
     @cached_property
     def gain(self) -> FloatArray:

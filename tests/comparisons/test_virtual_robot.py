@@ -1,12 +1,16 @@
 """The virtual robot: its links against MuJoCo, its friction's memory, its determinism."""
 
+from collections.abc import Callable
 from pathlib import Path
 
 import mujoco
 import numpy as np
 import pytest
 
+from comparisons.protocols import named
 from comparisons.protocols.excitation import fourier, sinusoid
+from comparisons.virtual_robot.closed_loop import run_closed_loop
+from comparisons.virtual_robot.kinematics import Kinematics
 from comparisons.virtual_robot.motion import ReferenceBlock
 from comparisons.virtual_robot.robot import VirtualRobot, simulate
 from comparisons.virtual_robot.scenario import Scenario, load_scenario
@@ -119,3 +123,50 @@ def test_unknown_keys_and_wrong_lengths_are_refused(vs060: Robot, tmp_path: Path
         VirtualRobot(vs060, load_scenario("quiet").with_effect("friction", coulomb=(1.0, 2.0)))
     with pytest.raises(InputError, match="count joints from 1 to 6"):
         VirtualRobot(vs060, load_scenario("quiet").with_effect("cogging", joints=(7,)))
+
+
+def card(folder: Path, urdf: Path, joints: list[str] | None = None) -> Robot:
+    listed = "" if joints is None else f"joints = {joints}\n".replace("'", '"')
+    (folder / "robot.toml").write_text(f'name = "some"\nurdf = "{urdf}"\n{listed}')
+    return load_robot(folder / "robot.toml")
+
+
+@pytest.fixture(params=["panda", "ur10", "gantry"])
+def some_robot(
+    request: pytest.FixtureRequest,
+    tmp_path: Path,
+    urdf_path: Callable[[str], Path],
+    arm_joints: Callable[[str], list[str] | None],
+) -> Robot:
+    if request.param != "gantry":
+        return card(tmp_path, urdf_path(request.param), arm_joints(request.param))
+    body = '<inertial><mass value="4"/><inertia ixx=".02" iyy=".02" izz=".02" ixy="0" ixz="0" iyz="0"/></inertial>'
+    limit = '<limit lower="-0.4" upper="0.4" velocity="1" effort="300"/>'
+    joints = [
+        f'<joint name="j{k}" type="{kind}"><parent link="l{k - 1}"/><child link="l{k}"/><axis xyz="{axis}"/>'
+        f'{limit}</joint><link name="l{k}">{body}</link>'
+        for k, kind, axis in ((1, "prismatic", "1 0 0"), (2, "prismatic", "0 0 1"), (3, "revolute", "0 1 0"))
+    ]
+    urdf = tmp_path / "gantry.urdf"
+    urdf.write_text(f'<robot name="gantry"><link name="l0"/>{"".join(joints)}</robot>')
+    return card(tmp_path, urdf)
+
+
+def test_any_robot_runs_both_ways(some_robot: Robot) -> None:
+    virtual = VirtualRobot(some_robot)
+    log = virtual.record(named("stop_and_go")(some_robot, seconds=20.0, seed=1), seed=1)
+    assert np.all(np.isfinite(log.current))
+    assert np.all(np.abs(log.current).max(axis=0) < 30.0)
+    assert np.all(log.current.std(axis=0) > 0.05)
+    start = log.q[0]
+    loop = run_closed_loop(virtual, lambda sample: np.full(some_robot.n, 0.05), 1.0, start=start)
+    np.testing.assert_allclose(loop.q[-1] - start, 0.05, atol=0.01)
+
+
+def test_jacobians_are_those_of_pinocchio(some_robot: Robot, rng: np.random.Generator) -> None:
+    kinematics = Kinematics(some_robot.multibody)
+    for _ in range(5):
+        q = rng.uniform(-0.4, 0.4, some_robot.n)
+        jacobian, place = kinematics.jacobian(q, kinematics.last, kinematics.tool)
+        np.testing.assert_allclose(place, some_robot.multibody.frame_pose(q)[1], atol=1e-12)
+        np.testing.assert_allclose(jacobian, some_robot.multibody.frame_jacobian(q), atol=1e-12)
