@@ -102,12 +102,9 @@ def feasible_parameters(
     least, first = problem.nearest()
     preferred, second = problem.preferred(least)
     has_prior = prior is not None and bool(np.any(np.reshape(prior, (-1, 10))[:, 0] > SMALLEST_MASS))
-    return Feasible(
-        problem.estimate(least),
-        problem.estimate(preferred),
-        "CAD" if has_prior else "generic",
-        first if first == second else f"{first}, then {second}",
-    )
+    status = first if first == second else f"{first}, then {second}"
+    prior_name = "CAD" if has_prior else "generic"
+    return Feasible(problem.estimate(least), problem.estimate(preferred), prior_name, status)
 
 
 @dataclass(frozen=True, eq=False)
