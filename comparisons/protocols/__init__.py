@@ -10,6 +10,8 @@ if TYPE_CHECKING:
     from comparisons.virtual_robot.motion import Protocol
 
 _HOME = {
+    "PRESETS": "dataset",
+    "Recording": "dataset",
     "contact_episodes": "contact",
     "continuous": "paper",
     "fourier": "excitation",
@@ -23,8 +25,10 @@ _HOME = {
     "stop_and_go": "paper",
     "torque_ramps": "calibration",
 }
-_NO_PROTOCOL = ("generate", "payload_pair")
+_NO_PROTOCOL = ("PRESETS", "Recording", "generate", "payload_pair")
 __all__ = [
+    "PRESETS",
+    "Recording",
     "contact_episodes",
     "continuous",
     "fourier",

@@ -46,7 +46,7 @@ class Servo(Section):
 
     bandwidth: PerJoint = 8.0
     damping: PerJoint = 0.25
-    feedforward: PerJoint = 0.9
+    feedforward: PerJoint = 0.6
 
 
 class Friction(Effect):
