@@ -20,11 +20,13 @@ myst_heading_anchors = 3
 nb_execution_mode = "cache"
 nb_execution_raise_on_error = True
 nb_execution_timeout = 300
+nb_merge_streams = True
 
 autodoc_member_order = "bysource"
 autodoc_typehints = "description"
 autodoc_typehints_description_target = "documented"
-autodoc_default_options = {"members": True, "show-inheritance": True}
+autodoc_default_options = {"members": True, "exclude-members": "model_config"}
+autodoc_type_aliases = {name: name for name in ("FloatArray", "IntArray", "BoolArray", "Array")}
 # Attributes of a dataclass stand in its docstring; listed as members too they would be there twice.
 napoleon_use_ivar = True
 napoleon_google_docstring = True
