@@ -102,7 +102,7 @@ def _validated(tables: dict[str, Any], where: str) -> Scenario:
         return Scenario.model_validate(tables)
     except ValidationError as error:
         detail = error.errors()[0]
-        key = ".".join(str(part) for part in detail["loc"])
+        key = ".".join(str(part) for part in detail["loc"][:2])
         what = f"unknown key {key!r}" if detail["type"] == "extra_forbidden" else f"{key}: {detail['msg']}"
         raise InputError(what, where, "see comparisons/virtual_robot/tables.py for what each table holds") from error
 

@@ -6,8 +6,14 @@ from typing import Annotated
 
 from pydantic import BaseModel, ConfigDict, Field
 
-PerJoint = float | tuple[float, ...]
+Finite = Annotated[float, Field(allow_inf_nan=False)]
+Positive = Annotated[float, Field(gt=0.0, allow_inf_nan=False)]
+Share = Annotated[float, Field(ge=0.0, lt=1.0)]
+Wait = Annotated[float, Field(ge=0.0, le=1.0)]
+PerJoint = Finite | tuple[Finite, ...]
 """One figure for all joints, or one a joint. Where a figure is left out (None), it is scaled to the robot's torques."""
+Positives = Positive | tuple[Positive, ...]
+Shares = Share | tuple[Share, ...]
 
 
 class Section(BaseModel):
@@ -36,16 +42,16 @@ class Links(Section):
 class Motors(Section):
     """Motors: ``gain`` [N m per unit of current], ``inertia`` reflected to the joint [kg m^2], ``gear_ratio``."""
 
-    gain: PerJoint | None = None
+    gain: Positives | None = None
     inertia: PerJoint | None = None
-    gear_ratio: PerJoint | None = None
+    gear_ratio: Positives | None = None
 
 
 class Servo(Section):
     """The position loop of a prescribed motion: bandwidth [Hz], damping ratio and acceleration feed-forward."""
 
-    bandwidth: PerJoint = 8.0
-    damping: PerJoint = 0.25
+    bandwidth: Positives = 8.0
+    damping: Shares = 0.25
     feedforward: PerJoint = 0.6
 
 
@@ -53,12 +59,12 @@ class Friction(Effect):
     """Friction with memory: torques [N m], speeds [rad/s], slip [rad] over which the elements let go one by one."""
 
     coulomb: PerJoint | None = None
-    breakaway: PerJoint = 1.25
+    breakaway: Positives = 1.25
     viscous: PerJoint | None = None
-    stribeck_speed: PerJoint = 0.035
-    slip: tuple[float, float] = (0.5e-3, 3.0e-3)
+    stribeck_speed: Positives = 0.035
+    slip: tuple[Positive, Positive] = (0.5e-3, 3.0e-3)
     elements: Annotated[int, Field(ge=1, le=32)] = 6
-    attraction: PerJoint = 60.0
+    attraction: Positives = 60.0
     at_start: Annotated[float, Field(ge=0.0, le=1.0)] = 0.6
 
 
@@ -84,7 +90,7 @@ class PositionFriction(Effect):
 class ViscousNonlinear(Effect):
     """The lubricant thins: at ``thinning_speed`` [rad/s] the damping is halved."""
 
-    thinning_speed: PerJoint = 3.0
+    thinning_speed: Positives = 3.0
 
 
 class CrossJointHysteresis(Effect):
@@ -95,15 +101,15 @@ class CrossJointHysteresis(Effect):
     """
 
     per_radian: float | tuple[tuple[float, ...], ...] = 1.0
-    kept: PerJoint = 0.15
+    kept: Shares = 0.15
 
 
 class ThermalFriction(Effect):
     """Dissipated power warms a joint; its friction falls by up to ``share`` with a time constant of ``seconds``."""
 
-    share: PerJoint = 0.3
-    seconds: PerJoint = 1200.0
-    power: PerJoint | None = None
+    share: Shares = 0.3
+    seconds: Positives = 1200.0
+    power: Positives | None = None
 
 
 class CrossJointFriction(Effect):
@@ -118,8 +124,8 @@ class CrossJointFriction(Effect):
 class Elasticity(Effect):
     """Springs between motor and link: ``stiffness`` [N m/rad] and damping ratio."""
 
-    stiffness: PerJoint | None = None
-    damping: PerJoint = 0.05
+    stiffness: Positives | None = None
+    damping: Shares = 0.05
 
 
 class Backlash(Effect):
@@ -132,7 +138,7 @@ class GearRipple(Effect):
     """Torque ripple of the gears: ``force`` [N m], ``per_turn`` periods a motor turn; grows with load by ``load``."""
 
     force: PerJoint | None = None
-    per_turn: PerJoint = 2.0
+    per_turn: Positives = 2.0
     load: PerJoint = 0.5
 
 
@@ -140,35 +146,35 @@ class Cogging(Effect):
     """Torque ripple of the motor's poles: ``force`` [N m], ``per_turn`` periods a motor turn."""
 
     force: PerJoint | None = None
-    per_turn: PerJoint = 6.0
+    per_turn: Positives = 6.0
 
 
 class CableSpring(Effect):
     """A cable that stiffens as it bends: ``stiffness`` [N m/rad], ``neutral`` position and ``reach`` [rad]."""
 
-    stiffness: PerJoint | None = None
+    stiffness: Positives | None = None
     neutral: PerJoint = 0.2
-    reach: PerJoint = 2.0
+    reach: Positives = 2.0
 
 
 class GravityBalancer(Effect):
     """A spring that relieves gravity by ``share`` of the joint's largest gravity torque; joint 2 unless told."""
 
     joints: tuple[int, ...] | None = (2,)
-    share: PerJoint = 0.3
+    share: Shares = 0.3
 
 
 class TorqueSaturation(Effect):
     """``share`` of the torque is lost at the joint's largest usual torque (or ``knee`` [N m])."""
 
-    share: PerJoint = 0.08
-    knee: PerJoint | None = None
+    share: Shares = 0.08
+    knee: Positives | None = None
 
 
 class DriveGain(Effect):
     """The true gain is ``factor`` times the one in ``motors``."""
 
-    factor: PerJoint = 1.1
+    factor: Positives = 1.1
 
 
 class CurrentOffset(Effect):
@@ -186,13 +192,13 @@ class SensorDrift(Effect):
 class Delay(Effect):
     """The current is reported ``seconds`` late."""
 
-    seconds: PerJoint = 0.005
+    seconds: Wait | tuple[Wait, ...] = 0.005
 
 
 class FilterLag(Effect):
     """The current passes a first-order filter at ``hertz``."""
 
-    hertz: PerJoint = 8.0
+    hertz: Positives = 8.0
 
 
 class Payload(Section):
@@ -218,10 +224,10 @@ class SensorNoise(Section):
     0.8 % and 0.1 % of the usual current); ``correlation`` time of the coloured part [s].
     """
 
-    counts: PerJoint = 131072.0
+    counts: Positives = 131072.0
     encoder_noise: PerJoint = 0.6
-    smoothing: PerJoint = 40.0
+    smoothing: Positives = 40.0
     white: PerJoint | None = None
     coloured: PerJoint | None = None
-    correlation: PerJoint = 0.15
+    correlation: Positives = 0.15
     resolution: PerJoint | None = None

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from comparisons.virtual_robot.answers import true_effects
 from comparisons.virtual_robot.electrical import Drive
 from comparisons.virtual_robot.figures import USUAL_ACCELERATION, Figures, reach, usual_torque
 from comparisons.virtual_robot.friction import CrossFriction, FrictionLaw
@@ -279,7 +280,10 @@ class Truth:
         )
 
     def as_dict(self) -> dict[str, Any]:
-        """Return every true figure by name: links, inertia, gain, laws and the scenario's tables."""
+        """Return every true figure by name: links, inertia, gain, laws, the scenario's tables.
+
+        ``effects`` holds those of the contract's catalogue, by its names and keys (see `true_effects`).
+        """
         return {
             "robot": self.robot.name,
             "unit": self.robot.unit,
@@ -299,5 +303,6 @@ class Truth:
             "delay": self.delay,
             "filter_lag": self.filter_lag,
             "sensors": vars(self.sensors),
+            "effects": true_effects(self),
             "scenario": self.scenario.model_dump(exclude_none=True),
         }

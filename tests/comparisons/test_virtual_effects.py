@@ -217,6 +217,8 @@ def test_effect_does_what_its_name_says(
     _, before = record(vs060, QUIET)
     virtual, after = record(vs060, QUIET.with_effect(effect, **figures))
     case = Case(before, after, virtual)
+    assert effect in virtual.truth["effects"]
+    assert effect not in VirtualRobot(vs060, QUIET).truth["effects"]
     np.testing.assert_array_equal(before.q, after.q)
     assert np.abs(case.change).max() > 1e-3
     named = figures.get("joints")

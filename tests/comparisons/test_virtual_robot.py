@@ -109,6 +109,8 @@ def test_simulate_in_one_line_tells_the_truth(vs060: Robot) -> None:
     assert log.tau_ext is None
     assert truth["link_parameters"].shape == (60,)
     assert np.abs(truth["link_parameters"][::10] / vs060.multibody.parameters[::10] - 1.0).max() > 0.01
+    np.testing.assert_array_equal(truth["effects"]["gear-ripple"]["per_turn"], np.full(6, 2.0))
+    np.testing.assert_allclose(truth["effects"]["maxwell-slip"]["slip"], np.full(6, 0.003))
     np.testing.assert_allclose(truth["gain"], [0.71, 0.81, 0.403, 0.112, 0.144, 0.076])
 
 
@@ -119,6 +121,8 @@ def test_unknown_keys_and_wrong_lengths_are_refused(vs060: Robot, tmp_path: Path
         load_scenario(bad)
     with pytest.raises(InputError, match="unknown key 'gear_rattle'"):
         load_scenario("quiet").with_effect("gear-rattle")
+    with pytest.raises(InputError, match=r"friction\.stribeck_speed: Input should be greater than 0"):
+        load_scenario("quiet").with_effect("friction", stribeck_speed=0.0)
     with pytest.raises(InputError, match="2 values where the robot has 6 joints"):
         VirtualRobot(vs060, load_scenario("quiet").with_effect("friction", coulomb=(1.0, 2.0)))
     with pytest.raises(InputError, match="count joints from 1 to 6"):
