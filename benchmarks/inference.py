@@ -58,7 +58,7 @@ def step_of(method: str) -> Callable[[], object]:
     return lambda: runtime.step(motion[0], motion[1], motion[2])
 
 
-class Block(torch.nn.Module):
+class Block(torch.nn.Module):  # type: ignore[misc]
     """Three hidden layers with a skip round them."""
 
     def __init__(self, inputs: int) -> None:

@@ -89,9 +89,9 @@ def fit(
         order = training.order(order_seed, course.epoch)
         batches = -(-len(order) // size)
         while course.batch < batches:
-            rate = _rate(options, course.epoch + course.batch / batches)
+            rate = rate_at(options, course.epoch + course.batch / batches)
             rows = order[course.batch * size : (course.batch + 1) * size]
-            loss, weight = _descend(module, training, hierarchy, course.optimiser, rate, rows)
+            loss, weight = descend(module, training, hierarchy, course.optimiser, rate, rows)
             course.loss, course.weight, course.batch = course.loss + loss, course.weight + weight, course.batch + 1
             if time.monotonic() - kept_at >= options.checkpoint_seconds:
                 keep(course.snapshot(module))
@@ -134,7 +134,7 @@ def evaluate(module: DenseGraph | Lstm, batches: Batches, hierarchy: int, option
     return total / max(weights, 1e-30)
 
 
-def _descend(
+def descend(
     module: DenseGraph | Lstm,
     training: Batches,
     hierarchy: int,
@@ -152,7 +152,7 @@ def _descend(
     return float(loss.detach()), float(weight)
 
 
-def _rate(options: TrainingOptions, epochs: float) -> float:
+def rate_at(options: TrainingOptions, epochs: float) -> float:
     """Learning rate after so many epochs, along half a cosine."""
     share = 0.5 * (1.0 + math.cos(math.pi * epochs / options.epochs))
     return options.learning_rate * (options.final_rate + (1.0 - options.final_rate) * share)

@@ -4,6 +4,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+import torch
 
 from ident.log import JointLog
 from learned.model_file import TrainedModel
@@ -62,6 +63,12 @@ def _random_model(method, n=2, seed=0, width=32, discriminator=None):
         output_offset=rng.normal(size=n),
         weights=np.concatenate(weights),
     )
+
+
+@pytest.fixture(scope="session", autouse=True)
+def one_thread():
+    """Networks this small gain nothing from threads, and tests run side by side."""
+    torch.set_num_threads(1)
 
 
 @pytest.fixture(scope="session")

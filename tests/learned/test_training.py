@@ -16,12 +16,12 @@ from learned.options import TrainingOptions
 from learned.predictor import LearnedModel
 from learned.training import train
 
-QUICK = TrainingOptions(epochs=3, batch=256, width=32, learning_rate=3e-3, cutoff=20.0)
+QUICK = TrainingOptions(epochs=4, batch=128, width=32, learning_rate=3e-3, cutoff=20.0)
 
 
 @pytest.fixture(scope="module")
 def logs(stop_and_go):
-    return [stop_and_go(seed, seconds=60.0) for seed in range(3)]
+    return [stop_and_go(seed, seconds=120.0) for seed in range(3)]
 
 
 @pytest.fixture(scope="module")
@@ -35,16 +35,16 @@ def rmse(model, log):
 
 @pytest.mark.parametrize("method", ["mlp", "rdl", "rdl-md", "hrdl", "hrdl-md", "lstm"])
 def test_every_method_learns(method, arm, logs, test_log):
-    options = dataclasses.replace(QUICK, epochs=12 if method == "lstm" else 3)
-    model = train(arm, logs, None, method, options)
+    recurrent = dataclasses.replace(QUICK, epochs=12, width=16, learning_rate=2e-2, batch=200)
+    model = train(arm, logs, None, method, recurrent if method == "lstm" else QUICK)
     assert (rmse(model, test_log) < 0.6 * test_log.current.std(axis=0)).all()
     assert model.method == method
 
 
 def test_what_the_discriminator_remembers_is_worth_having(arm, logs, test_log):
-    options = dataclasses.replace(QUICK, epochs=8)
+    options = dataclasses.replace(QUICK, hierarchies=1, signal="displacement", thresholds=(0.001, 0.003, 0.01))
     without, with_memory = (train(arm, logs, None, method, options) for method in ("hrdl", "hrdl-md"))
-    assert (rmse(with_memory, test_log) < 0.75 * rmse(without, test_log)).all()
+    assert (rmse(with_memory, test_log) < 0.6 * rmse(without, test_log)).all()
 
 
 def test_more_hierarchies_fit_the_validation_log_no_worse(arm, logs):
@@ -100,7 +100,7 @@ def test_cross_fitted_hierarchies_train_on_what_unseen_frames_leave(arm, logs, t
     assert {p.stage for p in seen} == {1, 2, 3, 4}
     assert {p.stages for p in seen} == {4}
     plain = train(arm, logs, None, "hrdl-md", dataclasses.replace(options, cross_fit=0))
-    assert (rmse(model, test_log) < 1.3 * rmse(plain, test_log)).all()
+    assert (rmse(model, test_log) < 0.6 * test_log.current.std(axis=0)).all()
     assert not np.array_equal(model.trained.output_gain[1], plain.trained.output_gain[1])
 
 
@@ -113,7 +113,8 @@ def test_unknown_history_is_weighed_and_scored_apart(arm, stop_and_go):
     data, _ = build([log], spec)
     weight = data.weight[data.rows]
     assert (weight[:490, 1] == 0.25).all()
-    assert (weight[550:] == 1.0).all()
+    moved = np.flatnonzero(np.abs(log.q[:, 1] - log.q[0, 1]) > 0.006)[0]
+    assert (weight[moved + 20 :, 1] == 1.0).all()
     model = train(arm, [log], [log], "hrdl-md", dataclasses.replace(QUICK, epochs=1))
     figures = model.trained.training["validation"]
     assert figures["rmse_known"][1] != figures["rmse_unknown"][1]
@@ -179,7 +180,7 @@ def run_and_kill(out, rng):
     return process.wait() == 0
 
 
-@pytest.mark.parametrize("kills", [3, pytest.param(20, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("kills", [2, pytest.param(20, marks=pytest.mark.slow)])
 def test_killed_training_ends_as_if_nothing_had_happened(kills, tmp_path):
     rng = random.Random(kills)
     root = Path(__file__).parents[2]
