@@ -1,8 +1,8 @@
-"""The true answer to "what is this model missing": a scenario's effects by the contract's names and parameter keys."""
+"""The truth as plain figures, and its effects by the contract's names: the true answer to "what does a model lack"."""
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -12,6 +12,32 @@ if TYPE_CHECKING:
     from comparisons.virtual_robot.truth import Truth
 
 Parameters = dict[str, FloatArray]
+
+
+def true_figures(truth: Truth) -> dict[str, Any]:
+    """Return every true figure by name: links, inertia, gain, laws, effects (`true_effects`), the scenario's tables."""
+    return {
+        "robot": truth.robot.name,
+        "unit": truth.robot.unit,
+        "link_parameters": truth.link_parameters,
+        "gravity": truth.gravity,
+        "gain": truth.gain,
+        "nominal_gain": truth.nominal_gain,
+        "rotor_inertia": truth.rotor_inertia,
+        "gear_ratio": truth.gear_ratio,
+        "friction": truth.friction._asdict(),
+        "cross_friction": truth.cross_friction._asdict(),
+        "spring": truth.spring._asdict(),
+        "ripples": [ripple._asdict() for ripple in truth.ripples],
+        "cable": None if truth.cable is None else truth.cable._asdict(),
+        "balancer": None if truth.balancer is None else truth.balancer._asdict(),
+        "drive": vars(truth.drive),
+        "delay": truth.delay,
+        "filter_lag": truth.filter_lag,
+        "sensors": vars(truth.sensors),
+        "effects": true_effects(truth),
+        "scenario": truth.scenario.model_dump(exclude_none=True),
+    }
 
 
 def true_effects(truth: Truth) -> dict[str, Parameters]:

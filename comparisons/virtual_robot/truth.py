@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from comparisons.virtual_robot.answers import true_effects
+from comparisons.virtual_robot.answers import true_figures
 from comparisons.virtual_robot.electrical import Drive
 from comparisons.virtual_robot.figures import USUAL_ACCELERATION, Figures, reach, usual_torque
 from comparisons.virtual_robot.friction import CrossFriction, FrictionLaw
@@ -59,7 +59,10 @@ class Truth:
         parameters = perturbed(self.robot.multibody.parameters, links.spread, links.seed)
         payload = self.scenario.payload
         if payload is not None:
-            parameters[-10:] += payload_parameters(payload.mass, np.array(payload.com), np.diag(payload.inertia))
+            last = 10 * int(self.robot.multibody.tree.order[-1])
+            parameters[last : last + 10] += payload_parameters(
+                payload.mass, np.array(payload.com), np.diag(payload.inertia)
+            )
         return parameters
 
     @cached_property
@@ -282,27 +285,6 @@ class Truth:
     def as_dict(self) -> dict[str, Any]:
         """Return every true figure by name: links, inertia, gain, laws, the scenario's tables.
 
-        ``effects`` holds those of the contract's catalogue, by its names and keys (see `true_effects`).
+        ``effects`` holds those of the contract's catalogue, by its names and keys (see `answers.true_effects`).
         """
-        return {
-            "robot": self.robot.name,
-            "unit": self.robot.unit,
-            "link_parameters": self.link_parameters,
-            "gravity": self.gravity,
-            "gain": self.gain,
-            "nominal_gain": self.nominal_gain,
-            "rotor_inertia": self.rotor_inertia,
-            "gear_ratio": self.gear_ratio,
-            "friction": self.friction._asdict(),
-            "cross_friction": self.cross_friction._asdict(),
-            "spring": self.spring._asdict(),
-            "ripples": [ripple._asdict() for ripple in self.ripples],
-            "cable": None if self.cable is None else self.cable._asdict(),
-            "balancer": None if self.balancer is None else self.balancer._asdict(),
-            "drive": vars(self.drive),
-            "delay": self.delay,
-            "filter_lag": self.filter_lag,
-            "sensors": vars(self.sensors),
-            "effects": true_effects(self),
-            "scenario": self.scenario.model_dump(exclude_none=True),
-        }
+        return true_figures(self)
