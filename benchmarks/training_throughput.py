@@ -1,8 +1,8 @@
 """Training steps against their matrix products alone, at the same shapes, in one process.
 
 Run ``python benchmarks/training_throughput.py [--device cuda]``. A step gathers a batch of windows, runs a hierarchy of
-HRDL-MD forwards and backwards, and takes a step of Adam; of that only the matrix products cannot be spared. The figure is
-the share of the time that they alone take: the target is 60 % or more.
+HRDL-MD forwards and backwards, and takes a step of Adam; of that only the matrix products cannot be spared. The figure
+is the share of the time that they alone take: the target is 60 % or more.
 """
 
 from __future__ import annotations

@@ -89,13 +89,14 @@ class Architecture:
 
     Attributes:
         method: name of the method.
-        n: joints.
+        n: joints, or outputs.
         memory: frames M that the network sees.
         groups: for each hierarchy the range (first, last + 1) of the thresholds it sees.
         width: neurons of a hidden layer; of the LSTM its cells, encoder and decoder.
         depth: hidden layers of a block.
         blocks: blocks one after another, with a skip round each where ``residual``.
         residual: whether blocks have skips.
+        channels: numbers in a frame; 0 is q, dq and ddq of the n joints.
     """
 
     method: Method
@@ -106,11 +107,17 @@ class Architecture:
     depth: int = 3
     blocks: int = 1
     residual: bool = False
+    channels: int = 0
 
     @property
     def frames(self) -> int:
         """Numbers in a window of frames."""
-        return self.memory * 3 * self.n
+        return self.memory * self.frame
+
+    @property
+    def frame(self) -> int:
+        """Numbers in a frame."""
+        return self.channels or 3 * self.n
 
     @property
     def thresholds(self) -> int:

@@ -174,7 +174,7 @@ class DenseRuntime:
         graph = trained.architecture.stacked()
         self._program, self._weights, self._work, self._outputs = aligned(graph, trained.weights)
         self._gain, self._offset = trained.output_gain.copy(), trained.output_offset.copy()
-        n = trained.architecture.n
+        n = trained.architecture.frame // 3
         self._discriminator = MotionDiscriminator(trained.discriminator, n)
         scalings = (trained.frame_scaling, trained.held_scaling)
         self._scales = np.stack(
@@ -185,7 +185,7 @@ class DenseRuntime:
         self._row = np.zeros((1, trained.discriminator.count, n))
         self._ring = np.zeros((MEDIAN_SAMPLES, n))
         self._motion = np.zeros((3, 1, n))
-        self._out = np.zeros(n)
+        self._out = np.zeros(trained.architecture.n)
 
     def reset(self) -> None:
         """Forget all memory, as at the start of a segment."""

@@ -83,6 +83,12 @@ def random_model():
     return _random_model
 
 
+@pytest.fixture(scope="session")
+def arm_card():
+    """Stand-in for a robot's card that no test changes."""
+    return SimpleNamespace(name="arm", joints=("joint_1", "joint_2"), n=2, unit="%Use")
+
+
 @pytest.fixture
 def arm():
     """Stand-in for a robot's card: its name, joints and unit."""
