@@ -116,10 +116,8 @@ def settle(design: Design, held: Sequence[Block], drives: Drives, cutoff: float,
         if needs_load:
             # The first load comes from a fit that leaves out what depends on it.
             known = design if design.load is not None else without(design, LoadFriction)
-            parameters = solve(known, factorise(known, known.rows(held))).parameters
-            terms = with_coefficients(known, parameters)
-            model = CurrentModel(design.robot, terms, cutoff, rate, drives.gain, drives.force_unit)
-            design = replace(design, load=model.load)
+            solution = solve(known, factorise(known, known.rows(held)))
+            design = replace(design, load=solved_model(known, solution, drives, cutoff, rate).load)
         if has_shapes:
             design = optimise_shapes(design, held)
         solution = solve(design, factorise(design, design.rows(held)))
@@ -146,6 +144,17 @@ def huber(design: Design, solution: Solution) -> Callable[[Rows], FloatArray]:
         return np.minimum(1.0, HUBER * scale / np.maximum(np.abs(residual), 1e-300))
 
     return weigh
+
+
+def solved_model(design: Design, solution: Solution, drives: Drives, cutoff: float, rate: float) -> CurrentModel:
+    """Return the model that a solution of the design stands for, without standard deviations."""
+    terms = with_coefficients(design, solution.parameters)
+    return CurrentModel(design.robot, terms, cutoff, rate, drives.gain, drives.force_unit)
+
+
+def predicted(model: CurrentModel, block: Block) -> FloatArray:
+    """Return the current (N, n) that a model predicts for a block, its memory starting anew."""
+    return model.force(block.motion, model.start()) / model.gain
 
 
 def with_coefficients(design: Design, parameters: FloatArray) -> tuple[Term, ...]:

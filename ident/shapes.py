@@ -36,7 +36,7 @@ def _search(
 ) -> list[FloatArray]:
     problem = _Projection.of(design, blocks, contexts, joint, searched)
     scale = _Scale.of([design.terms[k] for k in searched])
-    start = scale.to_search(np.concatenate([design.terms[k].shape for k in searched]))
+    start = scale.to_search(_start(problem, np.concatenate([design.terms[k].shape for k in searched])))
     found = least_squares(
         lambda x: problem.residual(scale.to_shape(x)),
         start,
@@ -47,6 +47,19 @@ def _search(
         max_nfev=40,
     )
     return problem.split(scale.to_shape(found.x))
+
+
+def _start(problem: _Projection, shape: FloatArray) -> FloatArray:
+    """Best of the effects' starting values, one parameter after the other."""
+    best, least = shape, float(np.sum(problem.residual(shape) ** 2))
+    for number, parameter in enumerate(s for term in problem.terms for s in term.effect.shapes):
+        for value in parameter.starts:
+            moved = best.copy()
+            moved[number] = value
+            squares = float(np.sum(problem.residual(moved) ** 2))
+            if squares < least:
+                best, least = moved, squares
+    return best
 
 
 @dataclass(frozen=True)

@@ -22,19 +22,26 @@ STEP = 1e-6
 
 @dataclass(frozen=True)
 class Shape:
-    """A parameter on which an effect's columns depend non-linearly; bounded, searched on a log scale if ``log``."""
+    """A parameter on which an effect's columns depend non-linearly.
+
+    Attributes:
+        name, unit: as for a coefficient; ``{angle}`` stands for rad, or m on a prismatic joint.
+        lower, upper: physical bounds.
+        starts: values from which the search may start; the best of them is taken.
+        log: whether it is searched on a logarithmic scale.
+    """
 
     name: str
     unit: str
     lower: float
     upper: float
-    initial: float
+    starts: tuple[float, ...]
     log: bool = True
 
 
 @dataclass(frozen=True)
 class Coefficient:
-    """A parameter in which the current is linear; ``unit`` writes the card's current unit as ``{current}``."""
+    """A parameter in which the current is linear; ``{current}`` in its unit stands for the model's force unit."""
 
     name: str
     unit: str
@@ -67,12 +74,14 @@ class Effect(ABC):
 
     Attributes:
         joint: joint it acts on, from 0; None acts on the whole robot with one set of coefficients.
+        replaces: names of effects that it contains as a limit, and that leave a joint's model when it comes in.
     """
 
     joint: int | None
 
     name: ClassVar[str] = ""
     family: ClassVar[str] = ""
+    replaces: ClassVar[tuple[str, ...]] = ()
     catalogue: ClassVar[dict[str, type[Effect]]] = {}
 
     def __init_subclass__(cls) -> None:
@@ -148,5 +157,5 @@ class Term:
 
 
 def initial_term(effect: Effect) -> Term:
-    """Return the effect with its shape parameters at their initial values and no coefficients yet."""
-    return Term(effect, np.array([s.initial for s in effect.shapes], dtype=float))
+    """Return the effect with its shape parameters at their first starts and no coefficients yet."""
+    return Term(effect, np.array([s.starts[0] for s in effect.shapes], dtype=float))

@@ -91,7 +91,7 @@ class Stribeck(VelocityEffect):
     @property
     def shapes(self) -> tuple[Shape, ...]:
         """Return the Stribeck speed."""
-        return (Shape("speed", "{angle}/s", 2e-3, 0.5, 0.04),)
+        return (Shape("speed", "{angle}/s", 2e-3, 0.5, (0.04, 0.01, 0.15)),)
 
     def coefficients(self, robot: Robot) -> tuple[Coefficient, ...]:
         """Return static minus Coulomb friction."""
@@ -114,13 +114,14 @@ class Sigmoid(VelocityEffect):
 
     name = "sigmoid"
     family = "friction"
+    replaces = ("coulomb",)
 
     @property
     def shapes(self) -> tuple[Shape, ...]:
         """Return the speed over which the sigmoid rises (1/phi2) and its shift (phi3)."""
         return (
-            Shape("speed", "{angle}/s", 1e-3, 0.5, 0.03),
-            Shape("shift", "{angle}/s", -0.1, 0.1, 0.0, log=False),
+            Shape("speed", "{angle}/s", 1e-3, 0.5, (0.03, 0.005, 0.15)),
+            Shape("shift", "{angle}/s", -0.1, 0.1, (0.0,), log=False),
         )
 
     def coefficients(self, robot: Robot) -> tuple[Coefficient, ...]:
@@ -148,11 +149,12 @@ class ViscousNonlinear(VelocityEffect):
 
     name = "viscous-nonlinear"
     family = "friction"
+    replaces = ("viscous",)
 
     @property
     def shapes(self) -> tuple[Shape, ...]:
         """Return the exponent."""
-        return (Shape("exponent", "1", 0.2, 3.0, 0.5),)
+        return (Shape("exponent", "1", 0.1, 3.0, (0.5, 0.2, 2.0)),)
 
     def coefficients(self, robot: Robot) -> tuple[Coefficient, ...]:
         """Return the friction at 1 rad/s (1 m/s)."""

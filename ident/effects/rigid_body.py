@@ -5,6 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from ident.arrays import FloatArray
 from ident.effects.base import Coefficient, Context, Effect
 
@@ -60,3 +62,20 @@ class RotorInertia(Effect):
     def columns(self, context: Context, shape: FloatArray, memory: FloatArray) -> FloatArray:
         """Return the joint's acceleration."""
         return context.motion.ddq[:, self.at, None]
+
+
+@dataclass(frozen=True)
+class CableSpring(Effect):
+    """Cables and hoses that pull as the joint turns: a spring in the joint's angle that stiffens towards the ends."""
+
+    name = "cable-spring"
+    family = "rigid-body"
+
+    def coefficients(self, robot: Robot) -> tuple[Coefficient, ...]:
+        """Return the stiffness at zero, and its growth with the angle's square."""
+        return (Coefficient("stiffness", "{current}/{angle}"), Coefficient("stiffening", "{current}/{angle}^3"))
+
+    def columns(self, context: Context, shape: FloatArray, memory: FloatArray) -> FloatArray:
+        """Return the angle and its cube."""
+        angle = context.motion.q[:, self.at]
+        return np.stack([angle, angle**3], axis=1)
