@@ -104,7 +104,7 @@ class ClearanceModel:
             return Closest(True, np.inf, "", 0.0)
         wanted = self.surroundings.clearance
         kept, least, pair, time = True, np.inf, 0, 0.0
-        pieces: FloatArray = (np.arange(FIRST_PIECES) + 0.5) * (trajectory.family.period / FIRST_PIECES)
+        pieces: FloatArray = (np.arange(float(FIRST_PIECES)) + 0.5) * (trajectory.family.period / FIRST_PIECES)
         half = 0.5 * trajectory.family.period / FIRST_PIECES
         surge = trajectory.bound(2)
         while len(pieces):

@@ -50,13 +50,13 @@ class Request:
     period: float = 10.0
     harmonics: int = 5
     objective: str = "log-det"
-    restarts: int = 3
+    restarts: int = 5
     seed: int = 0
     shares: Shares = field(default_factory=Shares)
     surroundings: Surroundings = field(default_factory=Surroundings)
     drives: tuple[str, ...] = DRIVE_COLUMNS
     nodes: int | None = None
-    iterations: int = 150
+    iterations: int = 60
 
     def __post_init__(self) -> None:
         if not 0 < self.period < np.inf:
@@ -170,9 +170,33 @@ class Designer:
             found.append(f"Close in every pose, and so not watched: {'; '.join(self.clearance.never_apart)}.")
         return found
 
+    def start(self, rng: np.random.Generator) -> Trajectory:
+        """Draw a motion about a pose of rest, each joint filling the tightest of its own limits.
+
+        It may ask for too much torque, or touch; see `draw`.
+
+        Raises:
+            InputError: there is no pose of rest.
+        """
+        family, limits = self.family, self.limits
+        mean = self.feasibility.rest_pose(rng)
+        weights = 1.0 / np.arange(1, family.harmonics + 1)
+        coefficients = np.column_stack([mean, rng.standard_normal((family.joints, family.size - 1))])
+        wanted = np.concatenate([[1.0], weights, weights])  # each harmonic adds about the same speed
+        coefficients = (coefficients @ family.free.T * wanted) @ family.free
+        swing = Trajectory(family, np.column_stack([np.zeros(family.joints), coefficients[:, 1:]]))
+        motion = swing.at(family.times(SAMPLES_PER_HARMONIC * family.harmonics))
+        room = np.minimum(
+            (limits.upper - mean) / np.maximum(motion.q.max(axis=0), 1e-9),
+            (mean - limits.lower) / np.maximum(-motion.q.min(axis=0), 1e-9),
+        )
+        room = np.minimum(room, limits.velocity / np.abs(motion.dq).max(axis=0))
+        room = np.minimum(room, limits.acceleration / np.abs(motion.ddq).max(axis=0))
+        return Trajectory(family, np.column_stack([mean, FILLED * room[:, None] * coefficients[:, 1:]]))
+
     def draw(self, rng: np.random.Generator) -> Trajectory:
-        """Draw a feasible motion of the family that fills the tightest of its limits as far as repair lets it."""
-        return self.feasibility.repair(self._draw(rng))[0]
+        """Draw a feasible motion of the family, as large as repair lets it be."""
+        return self.feasibility.repair(self.start(rng))[0]
 
     def design(self, known: FloatArray | None = None, progress: Progress | None = None) -> Excitation:
         """Design the motion that adds most to what is known.
@@ -187,7 +211,7 @@ class Designer:
         rng = np.random.default_rng(self.request.seed)
         attempts = []
         for k in range(self.request.restarts):
-            attempts.append(self.attempt(self.draw(rng), known))
+            attempts.append(self.attempt(self.start(rng), known))
             if progress is not None:
                 progress((k + 1) / self.request.restarts)
         best = min(attempts, key=self._rank)
@@ -239,20 +263,3 @@ class Designer:
             return None
         span = self.limits.span
         return ClearanceModel.build(self.robot.multibody, self.geometry, self.request.surroundings, span)
-
-    def _draw(self, rng: np.random.Generator) -> Trajectory:
-        family, limits = self.family, self.limits
-        mean = self.feasibility.rest_pose(rng)
-        weights = 1.0 / np.arange(1, family.harmonics + 1)
-        coefficients = np.column_stack([mean, rng.standard_normal((family.joints, family.size - 1))])
-        wanted = np.concatenate([[1.0], weights, weights])  # each harmonic adds about the same speed
-        coefficients = (coefficients @ family.free.T * wanted) @ family.free
-        swing = Trajectory(family, np.column_stack([np.zeros(family.joints), coefficients[:, 1:]]))
-        motion = swing.at(family.times(SAMPLES_PER_HARMONIC * family.harmonics))
-        room = np.minimum(
-            (limits.upper - mean) / np.maximum(motion.q.max(axis=0), 1e-9),
-            (mean - limits.lower) / np.maximum(-motion.q.min(axis=0), 1e-9),
-        )
-        room = np.minimum(room, limits.velocity / np.abs(motion.dq).max(axis=0))
-        room = np.minimum(room, limits.acceleration / np.abs(motion.ddq).max(axis=0))
-        return Trajectory(family, np.column_stack([mean, FILLED * room[:, None] * coefficients[:, 1:]]))

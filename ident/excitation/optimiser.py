@@ -60,7 +60,7 @@ class Optimiser:
         gap: ca.Function | None,
         objective: str = "log-det",
         nodes: int | None = None,
-        iterations: int = 150,
+        iterations: int = 60,
     ) -> None:
         self.information, self.family = information, family
         nodes = NODES_PER_HARMONIC * family.harmonics if nodes is None else nodes
