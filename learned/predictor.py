@@ -55,6 +55,16 @@ class LearnedModel:
         return self.trained.architecture.n
 
     @property
+    def rate(self) -> float:
+        """Sampling rate [Hz] that windows and thresholds belong to."""
+        return self.trained.rate
+
+    @property
+    def cutoff(self) -> float:
+        """Cut-off [Hz] of the causal low pass on the motion."""
+        return self.trained.cutoff
+
+    @property
     def method(self) -> str:
         """Name of the method it was trained by."""
         return self.trained.architecture.method
