@@ -30,6 +30,9 @@ TABLE_I: tuple[tuple[float, ...], ...] = (
 )
 """The paper's velocity thresholds [rad/s] at 100 Hz, one group a hierarchy (Table I)."""
 
+PLAY_THRESHOLDS: tuple[float, ...] = (0.0005, 0.001, 0.0015, 0.003, 0.006, 0.01)
+"""Displacements [rad] for ``displacement``: on a real arm 0.5 to 10 mrad explained most of the current at rest."""
+
 _SIGNALS: dict[str, int] = {"velocity": 0, "median-velocity": 1, "displacement": 2}
 
 
