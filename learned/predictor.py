@@ -155,6 +155,7 @@ class LearnedModel:
 
         self.trained.save(folder)
         if isinstance(self.physics, CurrentModel):
+            (folder / PHYSICS).mkdir(exist_ok=True)
             save_model(self.physics, folder / PHYSICS)
         elif self.physics is not None:
             what = f"a {type(self.physics).__name__} below the network cannot be written"

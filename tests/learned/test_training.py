@@ -159,7 +159,9 @@ rng = np.random.default_rng(0)
 q = np.cumsum(rng.normal(scale=0.02, size=(4000, 2)), axis=0)
 log = JointLog(np.arange(4000) / 100.0, q, 10.0 * np.cos(q))
 arm = SimpleNamespace(name="arm", joints=("joint_1", "joint_2"), n=2, unit="A")
-options = TrainingOptions(epochs=2, batch=128, width=16, cutoff=20.0, hierarchies=2, cross_fit=2, checkpoint_seconds=0.0)
+options = TrainingOptions(
+    epochs=2, batch=128, width=16, cutoff=20.0, hierarchies=2, cross_fit=2, checkpoint_seconds=0.0
+)
 print("begin", flush=True)
 train(arm, [log], None, "hrdl-md", options, Path(sys.argv[1]))
 """
