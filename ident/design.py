@@ -87,20 +87,16 @@ class Design:
         """Return what the effects see of a motion."""
         return Context(self.robot, motion, None if self.load is None else self.load(motion))
 
-    def matrices(self, context: Context, memories: list[FloatArray]) -> list[FloatArray]:
-        """Regression matrices, one a joint, of consecutive samples; carries the terms' memories forward."""
-        own: list[list[FloatArray]] = [[] for _ in range(self.robot.n)]
-        shared: list[FloatArray] = []
-        for term, memory in zip(self.terms, memories, strict=True):
-            columns = term.effect.columns(context, term.shape, memory)
-            if term.effect.joint is None:
-                shared.append(columns)
-            else:
-                own[term.effect.joint].append(columns)
-        return [
-            np.hstack([*(s[:, j] for s in shared), *own[j], np.zeros((len(context.motion.t), 0))])
-            for j in range(self.robot.n)
+    def matrix(self, context: Context, memories: list[FloatArray], joint: int) -> FloatArray:
+        """Regression matrix of one joint's row of consecutive samples; carries its terms' memories forward."""
+        acting = [
+            (term, memory)
+            for term, memory in zip(self.terms, memories, strict=True)
+            if term.effect.joint in (None, joint)
         ]
+        acting.sort(key=lambda pair: pair[0].effect.joint is not None)
+        columns = [term.effect.row(context, term.shape, memory, joint) for term, memory in acting]
+        return np.hstack([*columns, np.zeros((len(context.motion.t), 0))])
 
     def start(self) -> list[FloatArray]:
         """Memories of the terms at the start of a segment."""
@@ -112,6 +108,6 @@ class Design:
         for block in blocks:
             if block.first:
                 memories = self.start()
-            matrices = self.matrices(self.context(block.motion), memories)
-            target = block.log.current * self.scale
-            yield Rows([m[block.keep] for m in matrices], target[block.keep])
+            context = self.context(block.motion)
+            matrices = [self.matrix(context, memories, j)[block.keep] for j in range(self.robot.n)]
+            yield Rows(matrices, block.log.current[block.keep] * self.scale)

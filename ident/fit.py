@@ -152,11 +152,6 @@ def solved_model(design: Design, solution: Solution, drives: Drives, cutoff: flo
     return CurrentModel(design.robot, terms, cutoff, rate, drives.gain, drives.force_unit)
 
 
-def predicted(model: CurrentModel, block: Block) -> FloatArray:
-    """Return the current (N, n) that a model predicts for a block, its memory starting anew."""
-    return model.force(block.motion, model.start()) / model.gain
-
-
 def with_coefficients(design: Design, parameters: FloatArray) -> tuple[Term, ...]:
     """Return the design's terms with their coefficients, standard deviations still unknown."""
     terms = []

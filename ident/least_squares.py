@@ -80,18 +80,18 @@ class Solution:
     variance: FloatArray
 
 
-def solve(design: Design, factors: Factors, reweight: int = 2) -> Solution:
+def solve(design: Design, factors: Factors, weights: FloatArray | None = None) -> Solution:
     """Estimate the linear parameters, weighting joints by their residual variance and keeping to lower bounds.
 
     Args:
         design: the columns.
         factors: their triangular factors.
-        reweight: times the joints' weights are renewed from their residuals.
+        weights: of the joints, (n,); found from the residuals, and renewed twice, where not given.
     """
     lower = np.array([coefficient.lower for _, coefficient in design.coefficients()])
-    weights = np.ones(design.robot.n)
+    reweight = 2 if weights is None else 0
+    weights = np.ones(design.robot.n) if weights is None else weights
     parameters = np.zeros(design.count)
-    variance = weights
     # A joint whose current is constant must not get an infinite weight.
     floor = 1e-12 * max(np.max(factors.residual_variance(design, parameters)), 1e-300)
     for _ in range(reweight + 1):
@@ -101,7 +101,7 @@ def solve(design: Design, factors: Factors, reweight: int = 2) -> Solution:
         parameters[determined] = _bounded(matrix[:, determined], target, lower[determined])
         variance = np.maximum(factors.residual_variance(design, parameters), floor)
         variance *= factors.rows / max(factors.rows - determined.sum() / design.robot.n, 1.0)
-        weights = 1.0 / variance
+        weights = 1.0 / variance if reweight else weights
     bread, condition = normal_inverse(design, factors, weights, determined)
     return Solution(parameters, determined, bread, weights, condition, variance)
 

@@ -37,6 +37,7 @@ class RigidBody:
 
     def __init__(self, multibody: Multibody) -> None:
         self.multibody = multibody
+        self._base: dict[int | None, BaseParameters] = {}
         tree = multibody.tree
         self._chain = Chain(
             tree.order, tree.parent, tree.prismatic, tree.axis, tree.rotation, tree.translation, _supports(tree)
@@ -91,7 +92,9 @@ class RigidBody:
 
     def base_parameters(self, joint: int | None = None) -> BaseParameters:
         """Parameters that motion shows: of the whole robot, or of the row of one joint (counted from 0)."""
-        return find_base_parameters(self, joint)
+        if joint not in self._base:
+            self._base[joint] = find_base_parameters(self, joint)
+        return self._base[joint]
 
     def _motion(self, *arrays: FloatArray) -> list[FloatArray]:
         # The kernels check nothing: a wrong shape would read past the arrays' ends.

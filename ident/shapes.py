@@ -15,14 +15,19 @@ from ident.least_squares import triangle
 from ident.walk import Block
 
 
-def optimise_shapes(design: Design, blocks: Sequence[Block], joints: Sequence[int] | None = None) -> Design:
-    """Return the design with the shape parameters that fit the blocks best, joint by joint.
+def optimise_shapes(
+    design: Design,
+    blocks: Sequence[Block],
+    joints: Sequence[int] | None = None,
+    contexts: Sequence[Context] | None = None,
+) -> Design:
+    """Return the design with the shape parameters that fit the blocks best, joint by joint (default: every joint).
 
     While a joint's shapes are searched, its row has link parameters of its own: the search then needs no other row.
     The gradient is Kaufman's (1975, BIT 15:49) on the effects' own derivatives.
     """
     terms = list(design.terms)
-    contexts = [design.context(block.motion) for block in blocks]
+    contexts = contexts or [design.context(block.motion) for block in blocks]
     for joint in range(design.robot.n) if joints is None else joints:
         searched = [k for k, t in enumerate(terms) if t.effect.joint == joint and t.effect.shapes]
         if searched:
@@ -107,7 +112,7 @@ class _Projection:
         fixed = tuple(t for k, t in enumerate(design.terms) if k not in searched and t.effect.joint in (None, joint))
         rest = replace(design, terms=fixed)
         matrix = np.vstack(
-            [rest.matrices(c, rest.start())[joint][block.keep] for c, block in zip(contexts, blocks, strict=True)]
+            [rest.matrix(c, rest.start(), joint)[block.keep] for c, block in zip(contexts, blocks, strict=True)]
         )
         target = np.concatenate([block.log.current[block.keep, joint] for block in blocks]) * design.scale[joint]
         basis = orthonormal(matrix)

@@ -2,23 +2,24 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from joblib import Parallel, delayed
 
 from ident.arrays import FloatArray
 from ident.design import Design
-from ident.effects.base import Effect, Term, initial_term
+from ident.effects.base import Context, Effect, initial_term
 from ident.effects.friction import CoulombAsymmetry, LoadFriction, Sigmoid, Stribeck, ViscousNonlinear
 from ident.effects.hysteresis import MaxwellSlip
 from ident.effects.rigid_body import CableSpring
 from ident.effects.transmission import CrossJointFriction, GearRipple
-from ident.fit import Drives, predicted, settle, solved_model
+from ident.fit import Drives, settle, solved_model
+from ident.least_squares import Factors, factorise, solve, triangle
 from ident.log import LogSource
 from ident.robot import Robot
 from ident.shapes import optimise_shapes
-from ident.least_squares import factorise, solve
 from ident.walk import Block, collect
 
 SEARCH_ROWS = 24_000
@@ -33,7 +34,7 @@ FOLDS = 3
 
 @dataclass(frozen=True)
 class Choice:
-    """A term that was tried on a joint: the share by which it lowered the held-out RMS residual, and whether it stayed."""
+    """The best term tried on a joint: the share by which it lowers the held-out RMS residual, and whether it stays."""
 
     joint: int
     effect: str
@@ -70,8 +71,8 @@ def choose_structure(
     """Add friction effects to a baseline, joint by joint, as long as held-out rows are predicted better.
 
     With two logs or more each is held out in turn, with one log its thirds. In each round every joint tries every
-    candidate with its own parameters refitted (parameters that joints share stay at the fold's last fit) and takes the
-    best one if it lowers the held-out residual by more than ``GAIN`` on average and does not raise it on any fold.
+    candidate with all linear parameters refitted, and takes the best one if it lowers the held-out residual by more
+    than ``GAIN`` on average and does not raise it on any fold. A joint that takes nothing is done.
     """
     blocks = collect(sources, cutoff, SEARCH_ROWS)
     if not any(block.keep.any() for block in blocks):
@@ -79,25 +80,19 @@ def choose_structure(
     folds, described = make_folds(blocks)
     effects = list(baseline)
     choices: list[Choice] = []
-    tried: set[tuple[int, str]] = set()
+    open_joints = list(range(robot.n))
     for number in range(ROUNDS):
-        residuals = [_without_shared(robot, effects, fold, cutoff, drives) for fold in folds]
-        grown = False
-        for joint in range(robot.n):
-            own = [effect for effect in effects if effect.joint == joint]
-            found = _best(robot, own, candidates(robot, own, joint), residuals, drives)
-            if found is None:
-                continue
-            kept, choice = found
+        fits = [_Held.of(robot, effects, fold, cutoff, drives) for fold in folds]
+        grown = Parallel(n_jobs=-1, prefer="threads")(delayed(_grow)(robot, effects, j, fits) for j in open_joints)
+        open_joints = []
+        for joint, (own, choice) in [found for found in grown if found is not None]:
+            choices.append(choice)
             if choice.taken:
-                effects = [effect for effect in effects if effect.joint != joint] + kept
-                grown = True
-            if choice.taken or (joint, choice.effect) not in tried:
-                choices.append(choice)
-            tried.add((joint, choice.effect))
+                effects = [effect for effect in effects if effect.joint != joint] + own
+                open_joints.append(joint)
         if progress:
             progress((number + 1) / ROUNDS)
-        if not grown:
+        if not open_joints:
             break
     return Structure(tuple(effects), tuple(choices), described)
 
@@ -119,7 +114,7 @@ def candidates(robot: Robot, own: Sequence[Effect], joint: int) -> list[Effect]:
 
 
 def coupled(robot: Robot, joint: int) -> list[int]:
-    """Other joints whose motor motion may enter a joint's friction: those the card couples, else the other wrist axis."""
+    """Other joints whose motors may enter a joint's friction: those the card couples, else the other wrist axis."""
     if robot.coupling is not None:
         links = (robot.coupling != 0) & ~np.eye(robot.n, dtype=bool)
         return [int(k) for k in np.flatnonzero(links[:, joint] | links[joint])]
@@ -150,58 +145,66 @@ def make_folds(blocks: Sequence[Block]) -> tuple[list[Fold], str]:
     return folds, f"each of {FOLDS} parts of the log in turn"
 
 
-def _without_shared(
-    robot: Robot, effects: Sequence[Effect], fold: Fold, cutoff: float, drives: Drives
-) -> tuple[Fold, Design]:
-    """The fold with the current of shared effects taken away, and the fitted design (which knows the load)."""
-    rate = fold.train[0].log.rate
-    design = Design(robot, tuple(initial_term(e) for e in effects), drives.gain)
-    design = settle(design, fold.train, drives, cutoff, rate)
-    model = solved_model(design, solve(design, factorise(design, design.rows(fold.train))), drives, cutoff, rate)
-    design = replace(design, load=model.load)
-    shared = replace(model, terms=tuple(term for term in model.terms if term.effect.joint is None))
+@dataclass(frozen=True, eq=False)
+class _Held:
+    """A fit to a fold's training rows in which one joint's effects can be exchanged without refitting the others."""
 
-    def rest(block: Block) -> Block:
-        current = block.log.current - predicted(shared, block)
-        return replace(block, log=block.log.replace(current=current))
+    fold: Fold
+    design: Design
+    factors: Factors
+    weights: FloatArray
+    train: list[Context]
+    held_out: list[Context]
 
-    return Fold([rest(b) for b in fold.train], [rest(b) for b in fold.held_out]), design
+    @staticmethod
+    def of(robot: Robot, effects: Sequence[Effect], fold: Fold, cutoff: float, drives: Drives) -> _Held:
+        rate = fold.train[0].log.rate
+        design = Design(robot, tuple(initial_term(e) for e in effects), drives.gain)
+        design = settle(design, fold.train, drives, cutoff, rate)
+        factors = factorise(design, design.rows(fold.train))
+        solution = solve(design, factors)
+        design = replace(design, load=solved_model(design, solution, drives, cutoff, rate).load)
+        contexts = [[design.context(block.motion) for block in blocks] for blocks in (fold.train, fold.held_out)]
+        return _Held(fold, design, factors, solution.weights, *contexts)
+
+    def error(self, joint: int, own: Sequence[Effect]) -> float:
+        """RMS residual of a joint on the held-out rows when it has other effects of its own; all is fitted again."""
+        before = {term.effect: term for term in self.design.terms}
+        others = tuple(term for term in self.design.terms if term.effect.joint != joint)
+        design = replace(self.design, terms=others + tuple(before.get(e) or initial_term(e) for e in own))
+        if any(effect not in before and effect.shapes for effect in own):
+            design = optimise_shapes(design, self.fold.train, [joint], self.train)
+        upper = triangle(
+            np.vstack([np.column_stack(rows) for rows in self._rows(design, joint, self.fold.train, self.train)])
+        )
+        triangles = [upper if j == joint else known for j, known in enumerate(self.factors.triangles)]
+        parameters = solve(design, Factors(triangles, self.factors.rows), self.weights).parameters
+        columns = design.columns_of_joint(joint)
+        rows = self._rows(design, joint, self.fold.held_out, self.held_out)
+        residual = np.concatenate([target - matrix @ parameters[columns] for matrix, target in rows])
+        return float(np.sqrt(np.mean(residual**2))) if len(residual) else 0.0
+
+    def _rows(
+        self, design: Design, joint: int, blocks: Sequence[Block], contexts: Sequence[Context]
+    ) -> Iterator[tuple[FloatArray, FloatArray]]:
+        for block, context in zip(blocks, contexts, strict=True):
+            matrix = design.matrix(context, design.start(), joint)
+            yield matrix[block.keep], block.log.current[block.keep, joint] * design.scale[joint]
 
 
-def _best(
-    robot: Robot,
-    own: Sequence[Effect],
-    possible: Sequence[Effect],
-    residuals: Sequence[tuple[Fold, Design]],
-    drives: Drives,
-) -> tuple[list[Effect], Choice] | None:
-    """The candidate that lowers a joint's held-out residual most."""
-    if not possible:
-        return None
-    before = np.array([_held_out_rms(robot, own, fold, known, drives) for fold, known in residuals])
+def _grow(
+    robot: Robot, effects: Sequence[Effect], joint: int, fits: Sequence[_Held]
+) -> tuple[int, tuple[list[Effect], Choice]] | None:
+    """The candidate that lowers a joint's held-out residual most, with the joint's effects when it is in."""
+    own = [effect for effect in effects if effect.joint == joint]
+    before = np.array([held.error(joint, own) for held in fits])
     best: tuple[list[Effect], Choice] | None = None
-    for candidate in possible:
+    for candidate in candidates(robot, own, joint):
         grown = [effect for effect in own if effect.name not in candidate.replaces] + [candidate]
-        after = np.array([_held_out_rms(robot, grown, fold, known, drives) for fold, known in residuals])
+        after = np.array([held.error(joint, grown) for held in fits])
         share = 1.0 - after / np.maximum(before, 1e-300)
         gain, worst = float(share.mean()), float(share.min())
-        if best is None or gain > best[1].gain:
-            best = grown, Choice(candidate.at, candidate.name, gain, worst, gain > GAIN and worst > 0.0)
-    return best
-
-
-def _held_out_rms(robot: Robot, own: Sequence[Effect], fold: Fold, known: Design, drives: Drives) -> float:
-    joint = own[0].at
-    before = {term.effect: term for term in known.terms}
-    terms: tuple[Term, ...] = tuple(before.get(effect, initial_term(effect)) for effect in own)
-    design = Design(robot, terms, drives.gain, known.load)
-    if any(effect not in before and effect.shapes for effect in own):
-        design = optimise_shapes(design, fold.train, [joint])
-    solution = solve(design, factorise(design, design.rows(fold.train)), reweight=0)
-    columns = design.columns_of_joint(joint)
-    errors = [
-        rows.target[:, joint] - rows.matrices[joint] @ solution.parameters[columns]
-        for rows in design.rows(fold.held_out)
-    ]
-    joined: FloatArray = np.concatenate(errors)
-    return float(np.sqrt(np.mean(joined**2))) if len(joined) else 0.0
+        choice = Choice(joint, candidate.name, gain, worst, gain > GAIN and worst > 0.0)
+        if best is None or (choice.taken, gain) > (best[1].taken, best[1].gain):
+            best = grown, choice
+    return None if best is None else (joint, best)

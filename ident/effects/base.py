@@ -112,6 +112,11 @@ class Effect(ABC):
     def columns(self, context: Context, shape: FloatArray, memory: FloatArray) -> FloatArray:
         """Columns (N, k) at the effect's joint, or (N, n, k) for the whole robot, per unit of each coefficient."""
 
+    def row(self, context: Context, shape: FloatArray, memory: FloatArray, joint: int) -> FloatArray:
+        """Columns (N, k) at one of the joints that the effect acts on."""
+        columns = self.columns(context, shape, memory)
+        return columns[:, joint] if self.joint is None else columns
+
     def start(self) -> FloatArray:
         """Memory as it stands at the start of a segment; empty for effects without memory."""
         return np.zeros(0)

@@ -42,10 +42,13 @@ class Links(Effect):
 
     def columns(self, context: Context, shape: FloatArray, memory: FloatArray) -> FloatArray:
         """Return the link regressor's base columns, in N m per unit of the base parameters."""
-        columns = self.base(context.robot).columns
-        if self.joint is None:
-            return context.link_regressor[:, :, columns]
-        return context.link_regressor[:, self.joint, columns]
+        if self.joint is not None:
+            return self.row(context, shape, memory, self.joint)
+        return context.link_regressor[:, :, self.base(context.robot).columns]
+
+    def row(self, context: Context, shape: FloatArray, memory: FloatArray, joint: int) -> FloatArray:
+        """Return one joint's row of the link regressor's base columns."""
+        return context.link_regressor[:, joint, self.base(context.robot).columns]
 
 
 @dataclass(frozen=True)

@@ -15,6 +15,8 @@ from ident.multibody import Multibody
 
 POSES = 400  # random poses that show which pairs can never come apart
 ALWAYS = 0.95  # share of them above which a pair counts as built that way
+CLOSE_SHARE = 0.5  # of its largest distance that a pair keeps which is built too close for the clearance
+LARGEST = 0.95  # quantile of its distances over random poses that counts as a pair's largest
 SEED = 0
 FINEST = 2.0**-14  # share of the period below which an undecided piece of path counts as too close
 FIRST_PIECES = 64
@@ -44,7 +46,9 @@ class ClearanceModel:
         model, data: Pinocchio's geometry with planes and pairs.
         pairs: indices of each pair in the model; planes stand after the bodies, (P, 2).
         reach: greatest speed [m/s, per rad/s or m/s] with which each joint can bring each pair together, (P, n).
-        never_apart: pairs left out since they are close in almost every pose.
+        wanted: distance that each pair is to keep [m], (P,): the clearance, or half of the pair's largest distance over
+            random poses where that is less, for links that are built close to each other.
+        never_apart: pairs left out since they are closer than even that in almost every pose.
     """
 
     multibody: Multibody
@@ -54,6 +58,7 @@ class ClearanceModel:
     data: Any
     pairs: IntArray
     reach: FloatArray
+    wanted: FloatArray
     never_apart: tuple[str, ...]
 
     @staticmethod
@@ -67,11 +72,15 @@ class ClearanceModel:
         model, planes = geometry.with_planes(surroundings.planes())
         pairs = _pairs(multibody, geometry, planes)
         reach = np.array([_reach(multibody, geometry, pair, span) for pair in pairs]).reshape(-1, multibody.n)
-        full = _assemble(multibody, geometry, surroundings, model, pairs, reach, ())
+        full = _assemble(multibody, geometry, surroundings, model, pairs, reach, np.zeros(len(pairs)), ())
         q = np.random.default_rng(SEED).uniform(span[0], span[1], (POSES, multibody.n))
-        close = np.mean([full.distances(pose) < surroundings.clearance for pose in q], axis=0) > ALWAYS
+        distances = np.array([full.distances(pose) for pose in q])
+        wanted = np.minimum(
+            surroundings.clearance, np.maximum(CLOSE_SHARE * np.quantile(distances, LARGEST, axis=0), 0.0)
+        )
+        close = np.mean(distances <= wanted, axis=0) > ALWAYS
         names = tuple(dict.fromkeys(full.name(int(p)) for p in np.flatnonzero(close)))
-        return _assemble(multibody, geometry, surroundings, model, pairs[~close], reach[~close], names)
+        return _assemble(multibody, geometry, surroundings, model, pairs[~close], reach[~close], wanted[~close], names)
 
     def distances(self, q: FloatArray) -> FloatArray:
         """Signed distance [m] of every pair at a pose q (n,), (P,)."""
@@ -90,9 +99,22 @@ class ClearanceModel:
         """Tell whether there is anything that could touch."""
         return len(self.pairs) > 0
 
-    def pose_is_clear(self, q: FloatArray) -> bool:
-        """Tell whether a pose keeps the clearance."""
-        return bool(np.all(self.distances(q) >= self.surroundings.clearance))
+    def built_close(self) -> tuple[str, ...]:
+        """Pairs that keep less than the clearance since they are built close to each other."""
+        close = np.flatnonzero(self.wanted < self.surroundings.clearance)
+        return tuple(dict.fromkeys(self.name(int(p)) for p in close))
+
+    def touching(self, q: FloatArray, ease: float = 0.0) -> str:
+        """Name the pair that is most too close at a pose, empty where none is.
+
+        ``ease`` [m] is kept beyond, by pairs built close in proportion to what they keep.
+        """
+        if not self.watched():
+            return ""
+        share = self.wanted / max(self.surroundings.clearance, 1e-9)
+        spare = self.distances(q) - self.wanted - ease * np.minimum(share, 1.0)
+        nearest = int(np.argmin(spare))
+        return self.name(nearest) if spare[nearest] < 0 else ""
 
     def along(self, trajectory: Trajectory, stop: bool = True) -> Closest:
         """Examine a whole path: between the poses looked at, no pair can come closer than its joints move it.
@@ -102,7 +124,6 @@ class ClearanceModel:
         """
         if not self.watched():
             return Closest(True, np.inf, "", 0.0)
-        wanted = self.surroundings.clearance
         kept, least, pair, time = True, np.inf, 0, 0.0
         pieces: FloatArray = (np.arange(float(FIRST_PIECES)) + 0.5) * (trajectory.family.period / FIRST_PIECES)
         half = 0.5 * trajectory.family.period / FIRST_PIECES
@@ -115,13 +136,13 @@ class ClearanceModel:
                 nearest = int(np.argmin(distance))
                 if distance[nearest] < least:
                     least, pair, time = float(distance[nearest]), nearest, float(pieces[k])
-                if distance[nearest] < wanted:
+                if np.any(distance < self.wanted):
                     kept = False
                     if stop:
                         return Closest(kept, least, self.name(pair), time)
                     continue
                 travel = self.reach @ (np.abs(dq) + 0.5 * surge * half) * half
-                undecided[k] = bool(np.any(distance - travel < wanted))
+                undecided[k] = bool(np.any(distance - travel < self.wanted))
             half *= 0.5
             pieces = np.concatenate([pieces[undecided] - half, pieces[undecided] + half])
             if half < FINEST * trajectory.family.period and len(pieces):
@@ -137,13 +158,14 @@ def _assemble(
     model: Any,
     pairs: IntArray,
     reach: FloatArray,
+    wanted: FloatArray,
     never_apart: tuple[str, ...],
 ) -> ClearanceModel:
     watched = model.copy()
     for a, b in pairs:
         watched.addCollisionPair(pin.CollisionPair(int(a), int(b)))
     data = watched.createData()
-    return ClearanceModel(multibody, geometry, surroundings, watched, data, pairs, reach, never_apart)
+    return ClearanceModel(multibody, geometry, surroundings, watched, data, pairs, reach, wanted, never_apart)
 
 
 def _pairs(multibody: Multibody, geometry: ArmGeometry, planes: IntArray) -> IntArray:

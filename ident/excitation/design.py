@@ -168,6 +168,9 @@ class Designer:
         found = [f"Mesh {name} was not found: its link is not watched." for name in self.geometry.missing]
         if self.clearance.never_apart:
             found.append(f"Close in every pose, and so not watched: {'; '.join(self.clearance.never_apart)}.")
+        if self.clearance.built_close():
+            pairs = "; ".join(self.clearance.built_close())
+            found.append(f"Built closer than the clearance, kept at half their largest distance: {pairs}.")
         return found
 
     def start(self, rng: np.random.Generator) -> Trajectory:

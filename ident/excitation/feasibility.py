@@ -14,7 +14,9 @@ from ident.excitation.limits import MotionLimits, TorquePrior
 
 SAMPLES_PER_HARMONIC = 200
 COARSE = 24  # samples a harmonic for a first look
-HALVINGS = 7
+HALVINGS = 6
+MOST_HALVINGS = 14  # where no amplitude has been feasible yet
+EASE = 0.01  # [m] beyond the clearance, and share of other limits, left at a pose about which to move
 REST_TRIALS = 400
 ANCHORS = 12
 LIMITS = ("position", "velocity", "acceleration", "torque")
@@ -98,8 +100,9 @@ class Feasibility:
         if self.is_feasible(trajectory):
             return trajectory, 1.0
         anchor = self._anchor(trajectory)
-        good, bad = 0.0, 1.0
-        for _ in range(HALVINGS):
+        good, bad, trials = 0.0, 1.0, 0
+        while trials < HALVINGS or (good == 0.0 and trials < MOST_HALVINGS):
+            trials += 1
             share = 0.5 * (good + bad)
             if self.is_feasible(trajectory.scaled(share, anchor)):
                 good = share
@@ -121,7 +124,7 @@ class Feasibility:
         reasons: dict[str, int] = {}
         for _ in range(REST_TRIALS):
             q = rng.uniform(self.limits.lower, self.limits.upper)
-            reason = self._unfit(q)
+            reason = self._unfit(q, EASE)
             if not reason:
                 return q
             reasons[reason] = reasons.get(reason, 0) + 1
@@ -157,23 +160,17 @@ class Feasibility:
             reasons.append(reason)
         raise InputError(f"no pose of the motion can be repaired: {reasons[0]}", "excitation", "widen this limit")
 
-    def _unfit(self, q: FloatArray) -> str:
-        """Say why the robot cannot rest at a pose, empty where it can."""
-        outside = np.flatnonzero((q < self.limits.lower) | (q > self.limits.upper))
+    def _unfit(self, q: FloatArray, ease: float = 0.0) -> str:
+        """Say why the robot cannot rest at a pose, or not with some ease; empty where it can."""
+        rim = ease * (self.limits.upper - self.limits.lower)
+        outside = np.flatnonzero((q < self.limits.lower + rim) | (q > self.limits.upper - rim))
         if len(outside):
             return f"joint {outside[0] + 1} is beyond its position limit"
         still = np.zeros(len(q))
         body = self.prior.robot.rigid_body
         hold = np.abs(body.inverse_dynamics(q, still, still, np.array(self.prior.parameters))) + self.prior.friction
-        weak = np.flatnonzero(hold > self.limits.torque)
+        weak = np.flatnonzero(hold > (1.0 - ease) * self.limits.torque)
         if len(weak):
             return f"gravity asks for more than the torque limit of joint {weak[0] + 1}"
-        if self.clearance is None or not self.clearance.watched():
-            return ""
-        distance = self.clearance.distances(q)
-        nearest = int(np.argmin(distance))
-        return (
-            f"{self.clearance.name(nearest)} are too close"
-            if distance[nearest] < self.clearance.surroundings.clearance
-            else ""
-        )
+        touching = "" if self.clearance is None else self.clearance.touching(q, ease)
+        return f"{touching} are too close" if touching else ""

@@ -59,7 +59,7 @@ def gap(model: ClearanceModel, span: FloatArray) -> ca.Function | None:
     q = ca.SX.sym("q", model.multibody.n)
     gaps = _pair_gaps(model, q)
     shift = _shift(model, ca.Function("gaps", [q], [gaps], {"cse": True}), span)
-    beyond = gaps + ca.DM(shift) - model.surroundings.clearance
+    beyond = gaps + ca.DM(shift - model.wanted)
     least = ca.mmin(beyond)
     smooth = least - ca.log(ca.sum1(ca.exp(-SHARPNESS * (beyond - least)))) / SHARPNESS
     return ca.Function("gap", [q], [smooth], {"cse": True})
