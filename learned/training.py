@@ -23,7 +23,7 @@ from learned.networks import DISCRIMINATED, Architecture, architecture
 from learned.options import ProgressCallback, TrainingOptions
 from learned.predictor import LearnedModel
 from learned.stages import CHECKPOINT, Stages
-from learned.window import decimation
+from learned.window import Scaling, decimation
 
 if TYPE_CHECKING:
     from ident.robot import Robot
@@ -66,15 +66,7 @@ def train(
         raise InputError("no training logs", "training", "give at least one")
     train_logs, validation_logs = _held_out(train_logs, validation_logs, options)
     shape, frames = _plan(robot, train_logs, method, options)
-    if out is not None:
-        out.mkdir(parents=True, exist_ok=True)
-    with tempfile.TemporaryDirectory(dir=out) if options.on_disk else contextlib.nullcontext() as folder:
-        scratch = None if folder is None else Path(folder)
-        data, scalings = build(train_logs, frames, physics, folder=scratch and scratch / "train")
-        whole = dataclasses.replace(frames, zero_start_every=None)
-        held_out, _ = build(validation_logs, whole, physics, scalings, scratch and scratch / "validation")
-        stages = Stages(data, held_out, shape, options, out, progress)
-        stages.run()
+    stages, scalings = _learn(train_logs, validation_logs, shape, frames, options, out, progress, physics)
     trained = TrainedModel(
         robot=robot.name,
         joints=tuple(robot.joints),
@@ -96,6 +88,29 @@ def train(
         model.save(out)
         (out / CHECKPOINT).unlink(missing_ok=True)
     return model
+
+
+def _learn(
+    train_logs: Sequence[LogSource],
+    validation_logs: Sequence[LogSource],
+    shape: Architecture,
+    frames: FrameSpec,
+    options: TrainingOptions,
+    out: Path | None,
+    progress: ProgressCallback | None,
+    physics: CurrentPredictor | None,
+) -> tuple[Stages, tuple[Scaling, Scaling]]:
+    """Make the data sets and run the stages; data sets on disk are gone afterwards."""
+    if out is not None:
+        out.mkdir(parents=True, exist_ok=True)
+    with tempfile.TemporaryDirectory(dir=out) if options.on_disk else contextlib.nullcontext() as folder:
+        scratch = None if folder is None else Path(folder)
+        data, scalings = build(train_logs, frames, physics, folder=scratch and scratch / "train")
+        whole = dataclasses.replace(frames, zero_start_every=None)
+        held_out, _ = build(validation_logs, whole, physics, scalings, scratch and scratch / "validation")
+        stages = Stages(data, held_out, shape, options, out, progress)
+        stages.run()
+    return stages, scalings
 
 
 def _plan(

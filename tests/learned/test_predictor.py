@@ -101,6 +101,15 @@ def test_static_estimate_does_not_drift(stop_and_go, random_model):
     assert np.ptp(predicted[-59_000:], axis=0).max() < 1e-9
 
 
+def test_the_lstm_forgets_over_its_window_and_then_holds(stop_and_go, random_model):
+    log = stop_and_go(5, seconds=4.0)
+    q = np.vstack([log.q, np.repeat(log.q[-1:], 400, axis=0)])
+    still = log.replace(t=np.arange(800) / 100.0, q=q, current=q * 0.0, segment=np.zeros(800, dtype=np.int64))
+    predicted = LearnedModel(random_model("lstm")).predict(still)
+    assert np.ptp(predicted[430:500], axis=0).min() > 10.0 * np.ptp(predicted[600:], axis=0).max()
+    assert np.ptp(predicted[600:], axis=0).max() < 1e-6
+
+
 def test_truncated_hierarchies_add_up(stop_and_go, random_model):
     log = stop_and_go(6, seconds=2.0)
     trained = random_model("hrdl-md")
