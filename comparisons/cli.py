@@ -21,6 +21,7 @@ DEBUG = "SENSORLESS_DEBUG"
 COMMANDS = {
     "convert": "Convert a log to CSV or Parquet, in the columns and units of the contract.",
     "doctor": "Check that everything the program stands on is there and works.",
+    "excite": "Design a motion that shows the robot's parameters and keeps all its limits.",
 }
 """What each command does, as ``sensorless --help`` says it; ``NAME`` is the function NAME of commands/NAME.py."""
 
