@@ -108,6 +108,18 @@ class Batches:
             part = rows[start : start + BLOCK]
             self.residual[torch.from_numpy(part).to(self.device)] -= self.output(module, part, hierarchy)
 
+    @torch.no_grad()  # type: ignore[untyped-decorator]
+    def best_shares(self, module: DenseGraph, hierarchy: int) -> FloatArray:
+        """Share of each of a network's outputs, 0 to 1, with which it leaves the least squared error, (n,)."""
+        along, power = np.zeros(self.shape.n), np.zeros(self.shape.n)
+        for part in blocks(len(self.rows)):
+            rows = self.rows[part]
+            output = self.output(module, rows, hierarchy).double().cpu().numpy()
+            y, w = self._plain(rows)
+            along += np.sum(w * y * output, axis=0)
+            power += np.sum(w * output**2, axis=0)
+        return np.asarray(np.clip(along / np.maximum(power, 1e-30), 0.0, 1.0))
+
     def rescale(self, centre: FloatArray, gain: FloatArray) -> None:
         """Replace the residual r by (r - centre) * gain, in place."""
         as_tensor = [torch.from_numpy(v.astype(np.float32)).to(self.device) for v in (centre, gain)]

@@ -6,7 +6,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 from ident.errors import InputError
-from learned.motion_discriminator import TABLE_I, DiscriminatorSpec, Hold, Signal
+from learned.motion_discriminator import PLAY_THRESHOLDS, TABLE_I, DiscriminatorSpec, Hold, Signal
 
 
 @dataclass(frozen=True)
@@ -76,6 +76,24 @@ class TrainingOptions:
     def discriminator(self) -> DiscriminatorSpec:
         """Motion discriminator these options describe."""
         return DiscriminatorSpec(self.thresholds, self.signal, self.hold)
+
+
+def suggested(method: str) -> TrainingOptions:
+    """Return options to begin with: the paper's, but for a ``hybrid``, which corrects a model that is nearly right.
+
+    What physics leaves is mostly noise, so a hybrid has one small network, pulled towards nothing; and since it is no
+    method of the paper, it remembers displacements, which do not ring.
+    """
+    if method != "hybrid":
+        return TrainingOptions()
+    return TrainingOptions(
+        hierarchies=1,
+        width=128,
+        learning_rate=2e-4,
+        weight_decay=0.3,
+        signal="displacement",
+        thresholds=PLAY_THRESHOLDS,
+    )
 
 
 @dataclass(frozen=True)

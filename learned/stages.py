@@ -61,13 +61,15 @@ class Stages:
         """Fit one hierarchy after another to what those before leave."""
         scale = np.ones(self.shape.n)
         for hierarchy in range(len(self.shape.groups)):
-            centre = self.training.mean() if hierarchy == 0 else np.zeros(self.shape.n)
+            # A physical model has an offset of its own; a network that corrects it begins with nothing to add.
+            fresh = hierarchy == 0 and self.shape.method != "hybrid"
+            centre = self.training.mean() if fresh else np.zeros(self.shape.n)
             deviation = self.training.deviation(centre)
             gain = 1.0 / np.where(deviation > 0.0, deviation, 1.0)
             for batches in (self.training, self.validation):
                 batches.rescale(centre, gain)
             scale = scale / gain
-            if hierarchy == 0:
+            if fresh:
                 self.offset = centre
             self.gains.append(scale)
             self._stage(hierarchy)
@@ -92,9 +94,9 @@ class Stages:
         """Return a fitted network, from the checkpoint if it is done there."""
         name = f"{hierarchy}" if fold is None else f"{hierarchy}/{fold}"
         number = hierarchy * (len(self.folds) + 1) + (0 if fold is None else fold + 1)
-        physical = self.shape.method == "hybrid"
+        silent = hierarchy > 0 or self.shape.method == "hybrid"
         seed = self.options.seed * 1000 + number
-        module = network(self.shape, hierarchy, seed, silent=hierarchy > 0 or physical).to(self.device)
+        module = network(self.shape, hierarchy, seed, silent=silent).to(self.device)
         if name in self.state["done"]:
             done = self.state["done"][name]
             module.load_state_dict(done["module"])
@@ -115,6 +117,9 @@ class Stages:
 
         resumed = current if current is not None and current["name"] == name else None
         fitted = fit(module, training, self.validation, hierarchy, self.options, seed, keep, report, resumed)
+        if silent and isinstance(module, DenseGraph):
+            # What corrects another prediction may do so on one joint and do harm on the next.
+            module.scale_outputs(self.validation.best_shares(module, hierarchy))
         state = module.state_dict()
         self.state["done"][name] = {"module": state, "history": fitted.history, "best_epoch": fitted.best_epoch}
         self.state["current"] = None

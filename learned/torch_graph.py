@@ -8,6 +8,7 @@ import numpy as np
 import torch
 from torch import Tensor, nn
 
+from ident.arrays import FloatArray
 from learned.networks import Architecture, Graph
 from learned.window import Float32Array
 
@@ -51,6 +52,13 @@ class DenseGraph(nn.Module):  # type: ignore[misc]
         if all(a + n == b for (a, n), (b, _) in itertools.pairwise(sources)):
             return x if size == x.shape[1] else x[:, first : first + size]
         return torch.cat([x[:, start : start + n] for start, n in sources], dim=1)
+
+    def scale_outputs(self, shares: FloatArray) -> None:
+        """Multiply each output by a share (n,), for graphs with one hierarchy."""
+        factors = torch.from_numpy(shares.astype(np.float32))
+        with torch.no_grad():
+            for parameter in (self.matrices[-1], self.biases[-1]):
+                parameter *= factors.to(parameter.device)
 
     def flat(self) -> Float32Array:
         """Return all weights in the order of ``Graph.program``."""

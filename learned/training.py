@@ -20,7 +20,7 @@ from learned.dataset import FrameSpec, build
 from learned.model_file import TrainedModel
 from learned.motion_discriminator import DiscriminatorSpec, known_history
 from learned.networks import DISCRIMINATED, Architecture, architecture
-from learned.options import ProgressCallback, TrainingOptions
+from learned.options import ProgressCallback, TrainingOptions, suggested
 from learned.predictor import LearnedModel
 from learned.stages import CHECKPOINT, Stages
 from learned.window import Scaling, decimation
@@ -50,7 +50,7 @@ def train(
         validation_logs: logs to stop early by; by default the last training log is kept for that, or the end of it
             where there is one only.
         method: one of ``METHODS``.
-        options: how to train; the paper's way by default.
+        options: how to train; by default as ``suggested``, which is the paper's way for its own methods.
         out: folder for the model, and for the checkpoint until it is done; None keeps nothing.
         progress: called after each epoch.
         physics: the identified model that a ``hybrid`` stands on.
@@ -58,7 +58,7 @@ def train(
     Raises:
         InputError: the logs do not fit the robot or each other, the method is unknown, or a hybrid has no physics.
     """
-    options = options or TrainingOptions()
+    options = options or suggested(method)
     if (method == "hybrid") != (physics is not None):
         what = "a hybrid needs a physical model" if physics is None else f"method {method} takes no physical model"
         raise InputError(what, "training", "identify one and train a hybrid with it")

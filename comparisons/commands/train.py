@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import hashlib
 import shutil
 from pathlib import Path
@@ -38,9 +39,9 @@ def train(
     epochs: int = 40,
     patience: int = 10,
     batch: int = 1024,
-    hierarchies: int = 3,
+    hierarchies: int | None = None,
     width: int | None = None,
-    signal: Signal = "velocity",
+    signal: Signal | None = None,
     rate: float | None = None,
     cutoff: float | None = None,
     cross_fit: int = 0,
@@ -64,10 +65,10 @@ def train(
         epochs: passes over the training logs at most.
         patience: epochs without a better validation loss after which a network is done.
         batch: frames a step.
-        hierarchies: networks, each learning what those before it leave.
+        hierarchies: networks, each learning what those before it leave; 3, of a hybrid 1.
         width: neurons of a hidden layer.
-        signal: what remembers a joint's last motion: velocity (the paper), median-velocity or displacement, which
-            ringing does not mislead.
+        signal: what remembers a joint's last motion: velocity (the paper's), median-velocity or displacement (a
+            hybrid's), which ringing does not mislead.
         rate: sampling rate to train at [Hz].
         cutoff: of the causal low pass on the motion [Hz].
         cross_fit: folds, so that each network learns what others that had not seen a frame leave of it.
@@ -81,16 +82,17 @@ def train(
     from comparisons.progress import show_progress
     from ident.readers import open_logs
     from ident.robot import load_robot
-    from learned.options import TrainingOptions
+    from learned.options import suggested
     from learned.training import train as fit
 
     loaded = load_robot(robot)
     physics = _physics(method, model, loaded)
     learn, prove = open_logs(train, loaded), open_logs(test, loaded)
     stop = open_logs(validation, loaded) if validation else None
-    options = TrainingOptions(
-        epochs=epochs, patience=patience, batch=batch, hierarchies=hierarchies, width=width, seed=seed, rate=rate,
-        cutoff=cutoff, cross_fit=cross_fit, device=device, on_disk=on_disk, **_discriminator(signal),
+    given = {"hierarchies": hierarchies, "width": width, "rate": rate, "cutoff": cutoff, **_discriminator(signal)}
+    options = dataclasses.replace(
+        suggested(method), epochs=epochs, patience=patience, batch=batch, seed=seed, cross_fit=cross_fit,
+        device=device, on_disk=on_disk, **{name: value for name, value in given.items() if value is not None},
     )  # fmt: skip
     work = _work(out, f"{loaded.card} {method} {model} {options} {[s.name for s in learn]}")
     with OutputDirectory(out, "train") as output, show_progress() as progress:
@@ -125,11 +127,13 @@ def _physics(method: str, model: Path | None, robot: Robot) -> CurrentModel | No
     return load_model(model, robot)
 
 
-def _discriminator(signal: Signal) -> dict[str, Any]:
-    """Options of the discriminator; a displacement has thresholds of its own."""
-    from learned.motion_discriminator import PLAY_THRESHOLDS
+def _discriminator(signal: Signal | None) -> dict[str, Any]:
+    """Options of the discriminator; velocities and displacements have thresholds of their own."""
+    from learned.motion_discriminator import PLAY_THRESHOLDS, TABLE_I
 
-    return {"signal": signal, **({"thresholds": PLAY_THRESHOLDS} if signal == "displacement" else {})}
+    if signal is None:
+        return {}
+    return {"signal": signal, "thresholds": PLAY_THRESHOLDS if signal == "displacement" else sum(TABLE_I, ())}
 
 
 def _work(out: Path, what: str) -> Path:
