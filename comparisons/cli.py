@@ -21,7 +21,10 @@ DEBUG = "SENSORLESS_DEBUG"
 COMMANDS = {
     "convert": "Convert a log to CSV or Parquet, in the columns and units of the contract.",
     "doctor": "Check that everything the program stands on is there and works.",
+    "demo": "Identify the virtual VS060, without any hardware.",
     "excite": "Design a motion that shows the robot's parameters and keeps all its limits.",
+    "identify": "Identify a robot's current model from its logs.",
+    "train": "Train a network that predicts the motor current, and test it.",
 }
 """What each command does, as ``sensorless --help`` says it; ``NAME`` is the function NAME of commands/NAME.py."""
 

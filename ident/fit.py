@@ -11,7 +11,7 @@ from ident.arrays import FloatArray
 from ident.design import Design, Rows
 from ident.effects.base import Effect, Term, initial_term
 from ident.effects.friction import LoadFriction
-from ident.least_squares import Solution, factorise, solve
+from ident.least_squares import Factors, Solution, factorise, solve
 from ident.log import LogSource
 from ident.model import CurrentModel
 from ident.robot import Robot
@@ -45,15 +45,15 @@ class Fit:
         model: effects with parameters and standard deviations.
         design: the regression that the parameters solve, with their final shapes.
         solution: the least-squares estimate.
+        factors: its triangular factors.
         covariance: of the linear, then the shape parameters.
-        rows: rows fitted.
     """
 
     model: CurrentModel
     design: Design
     solution: Solution
+    factors: Factors
     covariance: FloatArray
-    rows: int
 
 
 def fit(
@@ -102,7 +102,7 @@ def fit(
     spread *= kept / max(factors.rows, 1)
     model = CurrentModel(robot, with_std(design, terms, spread), cutoff, rate, drives.gain, drives.force_unit)
     tell(1.0)
-    return Fit(model, design, solution, spread, factors.rows)
+    return Fit(model, design, solution, factors, spread)
 
 
 def settle(design: Design, held: Sequence[Block], drives: Drives, cutoff: float, rate: float) -> Design:

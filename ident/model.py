@@ -126,7 +126,7 @@ class CurrentModel:
             self.reset()
             return self.step(sample)
         derivatives, memories = self._online
-        q, dq, ddq = derivatives.step(sample.t, sample.q, sample.dq)
+        q, dq, ddq = derivatives.step(sample.t, sample.q, sample.dq, sample.ddq)
         motion = Motion(np.array([sample.t]), q[None], dq[None], ddq[None])
         return (self.force(motion, memories) / self.gain)[0]  # type: ignore[no-any-return]
 

@@ -36,11 +36,12 @@ class JointLimits:
 
 @dataclass(frozen=True, eq=False)
 class Robot:
-    """A robot: its card, its mechanism and its limits; arrays are in the order of ``joints``."""
+    """A robot: its card, its mechanism, its limits and the file of its URDF; arrays are in the order of ``joints``."""
 
     card: RobotCard
     multibody: Multibody
     limits: JointLimits
+    urdf: Path | None = None
 
     @property
     def name(self) -> str:
@@ -110,7 +111,7 @@ def load_robot(robot: str | Path) -> Robot:
         limits = _limits(card.limits, multibody, problems)
         _check_coupling(card, problems)
         if not problems:
-            return Robot(card, multibody, limits)
+            return Robot(card, multibody, limits, path.parent / card.urdf)
     raise InputError("; ".join(f"{key}: {text}" for key, text in problems.items()), f"card {path}", "mend these keys")
 
 

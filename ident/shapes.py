@@ -156,7 +156,7 @@ class _Projection:
         return columns - self.basis @ (self.basis.T @ columns)
 
     def _coefficients(self, columns: FloatArray) -> FloatArray:
-        solved: FloatArray = np.linalg.lstsq(columns, self.target)[0]
+        solved = np.asarray(np.linalg.lstsq(columns, self.target)[0])
         if np.any(solved < self.lower):
             upper = triangle(np.column_stack([columns, self.target]))
             solved = lsq_linear(upper[:, :-1], upper[:, -1], bounds=(self.lower, np.inf), method="bvls").x

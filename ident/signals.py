@@ -91,8 +91,9 @@ def _continuation(end: FloatArray) -> FloatArray:
     """
     rows = len(end)
     powers = np.vander(np.arange(2 * rows) / rows, 4)
-    coefficients: FloatArray = np.linalg.lstsq(powers[:rows], end.reshape(rows, -1))[0]
-    return (powers[rows:] @ coefficients).reshape(end.shape)
+    coefficients = np.linalg.lstsq(powers[:rows], end.reshape(rows, -1))[0]
+    continued: FloatArray = powers[rows:] @ coefficients
+    return continued.reshape(end.shape)
 
 
 def shortest(rate: float, cutoff: float, order: int = 3) -> int:

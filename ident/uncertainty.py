@@ -135,4 +135,5 @@ def _middle(matrix: FloatArray, gamma: FloatArray) -> FloatArray:
     # Frequencies other than nought and Nyquist stand for two.
     density[1:-1] *= 2.0
     weighted = spectrum * density[:, None]
-    return np.asarray((spectrum.conj().T @ weighted).real) / size
+    middle: FloatArray = (spectrum.conj().T @ weighted).real / size
+    return middle

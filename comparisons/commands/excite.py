@@ -69,7 +69,7 @@ def excite(
     from ident.excitation.design import Designer, Request
     from ident.excitation.geometry import Surroundings
     from ident.excitation.limits import Shares
-    from ident.excitation.output import FORMATS, sample
+    from ident.excitation.output import FORMATS, check_rate
     from ident.robot import load_robot
 
     if waypoints not in FORMATS:
@@ -82,9 +82,10 @@ def excite(
     urdf = _card(robot).parent / loaded.card.urdf
     with OutputDirectory(out, "excite") as output, show_progress() as progress:
         designer = Designer(loaded, urdf, request, _prior(loaded, model))
+        check_rate(designer.family, rate)
         known = _known(designer, given)
         excitation = designer.design(known, lambda share: progress("Design", share))
-        motion = sample(excitation.trajectory, rate)
+        motion = excitation.trajectory.sample(rate)
         _write(output.path, designer, excitation, known, motion, waypoints, [urdf, *(given or [])])
         output.result(_result(designer, excitation, request))
     _say(designer, excitation, out)

@@ -9,12 +9,14 @@ import numpy as np
 from comparisons.report.report import Report
 from comparisons.report.style import FURTHER, MEASURED, PREDICTED, joint_grid, legend_above, new_figure, report_style
 from ident.arrays import FloatArray
+from ident.excitation.clearance import ClearanceModel
 from ident.excitation.design import Designer, Excitation
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 SAMPLES = 500
+SHOWN = 0.25  # [m] distances that the plot of clearances shows
 
 
 def excitation_report(designer: Designer, excitation: Excitation, known: FloatArray | None) -> Report:
@@ -26,10 +28,10 @@ def excitation_report(designer: Designer, excitation: Excitation, known: FloatAr
         f"{excitation.condition_number:.1f} with columns of unit length, {excitation.links_condition_number:.1f} for "
         f"the links alone; all limits are kept at every instant.",
     )
-    _information(report, designer, excitation, known)
     _limits(report, designer, excitation)
     _clearance(report, designer, excitation)
     _starts(report, designer, excitation)
+    _information(report, designer, excitation, known)
     return report
 
 
@@ -98,19 +100,27 @@ def _clearance(report: Report, designer: Designer, excitation: Excitation) -> No
         "`motion.html` shows the arm moving."
     )
     motion = excitation.trajectory.at(np.linspace(0.0, designer.family.period, SAMPLES))
-    distances = np.array([clearance.distances(q) for q in motion.q])
     figure = new_figure(9.0, 3.2)
     with report_style():
         axis = figure.subplots()
-        nearest = np.argsort(distances.min(axis=0))[: 1 + len(FURTHER)]
-        for pair, colour in zip(nearest, (MEASURED, *FURTHER), strict=False):
-            axis.plot(motion.t, 1e3 * distances[:, pair], color=colour, label=clearance.name(int(pair)))
+        for (name, distance), colour in zip(_nearest(clearance, motion.q), (MEASURED, *FURTHER), strict=False):
+            axis.plot(motion.t, 1e3 * distance, color=colour, label=name)
         axis.axhline(1e3 * wanted, color=PREDICTED, linestyle="--", label="to be kept")
         axis.set_xlabel("Time [s]")
         axis.set_ylabel("Distance [mm]")
-        axis.set_ylim(bottom=0.0)
+        axis.set_ylim(0.0, 1e3 * max(SHOWN, 3.0 * wanted))
         figure.legend(loc="outside right upper")
     report.figure(figure, "The pairs that come closest")
+
+
+def _nearest(clearance: ClearanceModel, q: FloatArray) -> list[tuple[str, FloatArray]]:
+    """Distance along the motion of each two links, those that come nearest first; a link may have several bodies."""
+    distances = np.array([clearance.distances(pose) for pose in q])
+    links: dict[str, FloatArray] = {}
+    for pair in range(distances.shape[1]):
+        name = clearance.name(pair)
+        links[name] = np.minimum(links.get(name, np.full(len(q), np.inf)), distances[:, pair])
+    return sorted(links.items(), key=lambda link: float(link[1].min()))
 
 
 def _starts(report: Report, designer: Designer, excitation: Excitation) -> None:

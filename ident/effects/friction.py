@@ -99,13 +99,13 @@ class Stribeck(VelocityEffect):
 
     def columns(self, context: Context, shape: FloatArray, memory: FloatArray) -> FloatArray:
         """Return sign(dq) exp(-(dq/speed)^2)."""
-        ratio = self.velocity(context) / shape[0]
+        ratio = self.velocity(context) / float(shape[0])
         return (self.direction(context) * np.exp(-(ratio**2)))[:, None]
 
     def gradient(self, context: Context, shape: FloatArray) -> FloatArray:
         """Differentiate the columns by the Stribeck speed."""
-        ratio = self.velocity(context) / shape[0]
-        return (self.direction(context) * np.exp(-(ratio**2)) * 2 * ratio**2 / shape[0])[None, :, None]
+        ratio = self.velocity(context) / float(shape[0])
+        return (self.direction(context) * np.exp(-(ratio**2)) * 2 * ratio**2 / float(shape[0]))[None, :, None]
 
 
 @dataclass(frozen=True)
@@ -162,12 +162,12 @@ class ViscousNonlinear(VelocityEffect):
 
     def columns(self, context: Context, shape: FloatArray, memory: FloatArray) -> FloatArray:
         """Return sign(dq) |dq|^exponent."""
-        return (self.direction(context) * self._speed(context) ** shape[0])[:, None]
+        return (self.direction(context) * self._speed(context) ** float(shape[0]))[:, None]
 
     def gradient(self, context: Context, shape: FloatArray) -> FloatArray:
         """Differentiate the columns by the exponent."""
         speed = self._speed(context)
-        return (self.direction(context) * speed ** shape[0] * np.log(speed))[None, :, None]
+        return (self.direction(context) * speed ** float(shape[0]) * np.log(speed))[None, :, None]
 
     def _speed(self, context: Context) -> FloatArray:
         # Away from nought, where the logarithm of the gradient ends.

@@ -9,23 +9,22 @@ import numpy as np
 
 from ident.arrays import FloatArray
 from ident.errors import InputError
-from ident.excitation.fourier import Trajectory
+from ident.excitation.fourier import FourierFamily
 from ident.signals import Motion
 
 FORMATS = ("csv", "parquet")
 LOWEST_SAMPLES = 10  # a period of the highest harmonic, below which a controller's interpolation is another motion
 
 
-def sample(trajectory: Trajectory, rate: float) -> Motion:
-    """Sample a motion for output, from rest to rest.
+def check_rate(family: FourierFamily, rate: float) -> None:
+    """Refuse a rate of waypoints [Hz] that is too low to carry motions of the family.
 
     Raises:
-        InputError: the rate [Hz] is too low to carry the motion.
+        InputError: it is.
     """
-    lowest = LOWEST_SAMPLES * trajectory.family.harmonics / trajectory.family.period
+    lowest = LOWEST_SAMPLES * family.harmonics / family.period
     if not lowest <= rate < np.inf:
         raise InputError(f"a rate of {rate:g} Hz", "waypoints", f"give at least {lowest:g} Hz for this motion")
-    return trajectory.sample(rate)
 
 
 def write_table(motion: Motion, path: Path) -> None:

@@ -1,0 +1,78 @@
+"""``sensorless identify``: from a card and logs to an identified, saved, explained model."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any, Literal
+
+from cyclopts import Parameter
+
+from comparisons.output import OutputDirectory
+from comparisons.progress import show_progress
+
+if TYPE_CHECKING:
+    from ident.identify import Identification
+
+Many = Parameter(consume_multiple=True)
+
+
+def identify(
+    robot: str,
+    /,
+    *,
+    train: Annotated[list[str], Many],
+    test: Annotated[list[str] | None, Many] = None,
+    out: Path,
+    cutoff: float | None = None,
+    gains: Literal["known", "shared", "per-joint"] | None = None,
+    effects: Annotated[list[str] | None, Many] = None,
+    robust: bool = False,
+) -> None:
+    """Identify a robot's current model from its logs.
+
+    Args:
+        robot: a robot card, or the name of a built-in robot.
+        train: logs to fit, the robot touching nothing: files, globs or folders.
+        test: logs that play no part in the fit and are predicted.
+        out: directory for result.json, report.html, the model and the predictions.
+        cutoff: of the filter that derives velocity and acceleration [Hz]; chosen from the logs unless given.
+        gains: how drive gains are treated; known where the card gives them, else per joint.
+        effects: names of the effects every joint gets, instead of those that predict held-out logs best.
+        robust: give less weight to outliers and contacts.
+    """
+    options = {"cutoff": cutoff, "gains": gains, "effects": effects, "robust": robust}
+    with OutputDirectory(out, "identify") as output:
+        found = identify_into(output, robot, train, test, options)
+    for warning in found.warnings:
+        print(f"warning: {warning}")
+    print(out / "report.html")
+
+
+def identify_into(
+    output: OutputDirectory, robot: str, train: list[str], test: list[str] | None, options: dict[str, Any]
+) -> Identification:
+    """Identify and write everything into an output directory; shared with ``sensorless demo``."""
+    from comparisons.predictions import errors_on, write_predictions
+    from comparisons.report.identification import identification_report
+    from comparisons.report.provenance import provenance
+    from ident.identify import identify as identify_model
+    from ident.readers import open_logs
+    from ident.robot import load_robot
+
+    loaded = load_robot(robot)
+    # An option given without values is a mistake that open_logs names; an option not given is none.
+    logs, held_out = open_logs(train, loaded), [] if test is None else open_logs(test, loaded)
+    with show_progress() as progress:
+        found = identify_model(loaded, logs, progress=progress, **options)
+        progress("predicting", 0.0)
+        errors = {"train": errors_on(found.model, logs, False, found.cutoff.hertz)}
+        if held_out:
+            errors["test"] = write_predictions(found.model, held_out, output.path, False, found.cutoff.hertz)
+        progress("predicting", 1.0)
+    found.write(output.path)
+    note = provenance([*train, *(test or [])])
+    figures = {part: e.as_dict() for part, e in errors.items()}
+    output.result({**found.result(), **figures, "provenance": note.to_dict()})
+    report = identification_report(found, figures, (held_out or logs)[0], note)
+    report.write(output.path / "report.html")
+    return found

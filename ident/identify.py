@@ -1,0 +1,260 @@
+"""From a robot and logs to an identified, explained current model."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Literal
+
+import numpy as np
+
+from ident.arrays import FloatArray
+from ident.drive_gain import GainEstimate, shared_gains
+from ident.effects import load_catalogue
+from ident.effects.base import Effect
+from ident.effects.electrical import CurrentOffset
+from ident.effects.friction import SMOOTHING, Coulomb, VelocityEffect, Viscous
+from ident.effects.rigid_body import Links, RotorInertia
+from ident.errors import InputError
+from ident.feasible import Feasible, SolverFailure, feasible_parameters
+from ident.fit import Drives, Fit, fit
+from ident.log import JointLog, LogSource, concatenate
+from ident.model import NEWTON_METRE, CurrentModel
+from ident.model_file import save_model
+from ident.parameters import Parameter, list_parameters
+from ident.robot import Robot
+from ident.signals import CutoffChoice, choose_cutoff
+from ident.structure import Structure, choose_structure
+from ident.urdf_export import write_urdf
+from ident.walk import Block, collect
+
+Gains = Literal["known", "shared", "per-joint"]
+Progress = Callable[[str, float], None]
+
+CUTOFF_ROWS = 100_000
+"""Rows of each log from which the cut-off is chosen."""
+
+NEVER_MOVES = 2e-3
+"""A joint that stays within this [rad or m] teaches nothing of its own friction."""
+
+URDF = "identified.urdf"
+
+
+@dataclass(frozen=True, eq=False)
+class Identification:
+    """What was identified from a robot's logs.
+
+    Attributes:
+        model: the current model.
+        fit: the regression behind it.
+        gains: how drive gains were treated.
+        gain_estimate: relative gains with intervals, where they were estimated.
+        cutoff: cut-off of the derivatives' filter and why.
+        structure: which effects each joint got and what was tried; None where the caller named the effects.
+        feasible: the nearest physically feasible parameters; None where there is no one body behind the rows.
+        warnings: what the user should look at, in sentences.
+    """
+
+    model: CurrentModel
+    fit: Fit
+    gains: Gains
+    gain_estimate: GainEstimate | None
+    cutoff: CutoffChoice
+    structure: Structure | None
+    feasible: Feasible | None
+    warnings: tuple[str, ...]
+
+    @property
+    def parameters(self) -> list[Parameter]:
+        """Every parameter with its interval."""
+        return list_parameters(self.fit)
+
+    def write(self, folder: Path) -> None:
+        """Write the model, and the identified URDF where one body stands behind the rows."""
+        save_model(self.model, folder)
+        robot = self.model.robot
+        if self.feasible is not None and robot.urdf is not None:
+            write_urdf(robot.urdf, robot.joints, self.feasible.preferred.parameters, folder / URDF)
+
+    def result(self) -> dict[str, Any]:
+        """Figures of the fit as result.json holds them (those of the logs are the caller's)."""
+        return {
+            "joints": list(self.model.robot.joints),
+            "unit": self.model.unit,
+            "force_unit": self.model.force_unit,
+            "gains": self.gains,
+            "gain": self.model.gain.tolist(),
+            "cutoff_hertz": self.cutoff.hertz,
+            "condition_number": self.fit.solution.condition_number,
+            "parameters": [parameter.as_dict() for parameter in self.parameters],
+            "effects": {
+                str(j + 1): [t.effect.name for t in self.model.terms if t.effect.joint == j]
+                for j in range(self.model.n)
+            },
+            "warnings": list(self.warnings),
+            **({"feasible": _feasible_result(self.feasible)} if self.feasible is not None else {}),
+        }
+
+
+def identify(
+    robot: Robot,
+    train: Sequence[LogSource],
+    *,
+    cutoff: float | None = None,
+    gains: Gains | None = None,
+    effects: Sequence[str] | None = None,
+    robust: bool = False,
+    progress: Progress | None = None,
+) -> Identification:
+    """Identify a robot's current model from logs of free motion.
+
+    Args:
+        robot: the robot.
+        train: logs, the robot touching nothing.
+        cutoff: cut-off [Hz] of the filter that derives velocity and acceleration; chosen from the logs unless given.
+        gains: ``known``: as the card says; ``shared``: relative gains are estimated together with links that all
+            joints share; ``per-joint``: every joint's row has link parameters of its own, in units of its current.
+            By default known where the card knows them, else per joint.
+        effects: names of the effects every joint gets besides links, rotor and offset; by default Coulomb and viscous
+            friction and what predicts held-out logs better.
+        robust: weight rows by Huber's function, against contacts and outliers.
+        progress: told what is being done and the share of it that is done.
+
+    Raises:
+        InputError: no log, a log too short, a name that is no effect, or gains that the card does not know.
+    """
+    if not train:
+        raise InputError("no log to identify from", "--train", "give at least one log")
+    tell = progress or (lambda what, share: None)
+    chosen = CutoffChoice(cutoff, "given") if cutoff is not None else _choose_cutoff(train)
+    held = collect(train, chosen.hertz)
+    if not any(block.keep.any() for block in held):
+        where = ", ".join(source.name for source in train)
+        raise InputError(f"too short for a cut-off of {chosen.hertz:.3g} Hz", where, "give longer logs")
+    still = _still_joints(held)
+    gains = gains or ("known" if robot.gain is not None else "per-joint")
+    drives, estimate = _drives(robot, gains, train, chosen.hertz)
+    smoothing = _smoothing(robot, held)
+    baseline = _baseline(robot, gains, smoothing, still)
+    structure: Structure | None = None
+    if effects is None:
+        tell("choosing friction terms", 0.0)
+        structure = choose_structure(
+            robot, baseline, train, chosen.hertz, drives, lambda share: tell("choosing friction terms", share)
+        )
+        used: Sequence[Effect] = structure.effects
+    else:
+        used = _named(robot, gains, effects, smoothing, still)
+    found = fit(robot, used, train, chosen.hertz, drives, robust, lambda share: tell("fitting", share))
+    feasible, trouble = _feasible(robot, found, gains)
+    warnings = [*_sign_warnings(found.model, held), *_still_warnings(robot, still), *trouble]
+    return Identification(found.model, found, gains, estimate, chosen, structure, feasible, tuple(warnings))
+
+
+def _choose_cutoff(sources: Sequence[LogSource]) -> CutoffChoice:
+    heads = [next(source.blocks(CUTOFF_ROWS), None) for source in sources]
+    logs: list[JointLog] = [head for head in heads if head is not None and len(head) > 1]
+    if not logs:
+        raise InputError("fewer than two rows", ", ".join(s.name for s in sources), "give longer logs")
+    return choose_cutoff(concatenate(logs))
+
+
+def _drives(
+    robot: Robot, gains: Gains, train: Sequence[LogSource], cutoff: float
+) -> tuple[Drives, GainEstimate | None]:
+    if gains == "known":
+        if robot.gain is None:
+            raise InputError("the drive gains are not known", robot.name, "set [drive] gain, or leave --gains out")
+        return Drives(robot.gain, NEWTON_METRE), None
+    if gains == "shared":
+        estimate = shared_gains(robot, train, cutoff)
+        return Drives(estimate.value, f"relative {NEWTON_METRE}"), estimate
+    return Drives(np.ones(robot.n), robot.unit), None
+
+
+def _baseline(robot: Robot, gains: Gains, smoothing: FloatArray, still: Sequence[int]) -> list[Effect]:
+    """Links, and for every joint its rotor and offset, with Coulomb and viscous friction where it moves."""
+    effects: list[Effect] = [Links(j) for j in range(robot.n)] if gains == "per-joint" else [Links(None)]
+    for j in range(robot.n):
+        effects.append(CurrentOffset(j))
+        if j not in still:
+            # With link parameters of its own, a joint's row has its rotor in them.
+            effects += [] if gains == "per-joint" else [RotorInertia(j)]
+            effects += [Coulomb(j, smoothing[j]), Viscous(j, smoothing[j])]
+    return effects
+
+
+def _named(
+    robot: Robot, gains: Gains, names: Sequence[str], smoothing: FloatArray, still: Sequence[int]
+) -> list[Effect]:
+    """Every joint's effects by name, in place of Coulomb and viscous friction."""
+    catalogue = load_catalogue()
+    for name in names:
+        if name not in catalogue:
+            raise InputError(f"no effect is named {name!r}", "--effects", f"choose from {', '.join(sorted(catalogue))}")
+    effects = [e for e in _baseline(robot, gains, smoothing, still) if not isinstance(e, VelocityEffect)]
+    present = {effect.name for effect in effects}
+    for kind in [catalogue[name] for name in names if name not in present]:
+        moving = [j for j in range(robot.n) if j not in still]
+        smooth = issubclass(kind, VelocityEffect)
+        effects += [kind(j, smoothing[j]) if smooth else kind(j) for j in moving]  # type: ignore[call-arg]
+    return effects
+
+
+def _smoothing(robot: Robot, held: Sequence[Block]) -> FloatArray:
+    """Speed (n,) over which each joint's sign of velocity turns: three times the velocity's noise at rest.
+
+    The noise is what the slowest tenth of each joint's samples scatters by; an arm that never rests keeps the usual.
+    """
+    speeds = np.abs(np.concatenate([block.motion.dq[block.keep] for block in held]))
+    slow = 3.0 * np.quantile(speeds, 0.02, axis=0)
+    return np.asarray(np.clip(slow, 0.2 * SMOOTHING, SMOOTHING))
+
+
+def _still_joints(held: Sequence[Block]) -> list[int]:
+    q = np.concatenate([block.motion.q[block.keep] for block in held])
+    return [int(j) for j in np.flatnonzero(np.ptp(q, axis=0) < NEVER_MOVES)]
+
+
+def _still_warnings(robot: Robot, still: Sequence[int]) -> list[str]:
+    return [
+        f"Joint {j + 1} ({robot.joints[j]}) never moves: its friction and its own inertia cannot be identified."
+        for j in still
+    ]
+
+
+def _sign_warnings(model: CurrentModel, held: Sequence[Block]) -> list[str]:
+    """Name joints whose friction would drive the motion: the sign of their current or position is flipped."""
+    power = np.zeros(model.n)
+    for block in held:
+        friction = model.friction(block.motion)
+        power += np.sum((friction * block.motion.dq)[block.keep], axis=0)
+    return [
+        f"Joint {j + 1} ({model.robot.joints[j]}): friction would drive the motion; the sign of its current is "
+        "probably flipped. Give the card a scale of -1 for it: [log] scale = { current = [...] }."
+        for j in np.flatnonzero(power < 0)
+    ]
+
+
+def _feasible(robot: Robot, found: Fit, gains: Gains) -> tuple[Feasible | None, list[str]]:
+    if gains == "per-joint":
+        return None, []
+    prior = robot.multibody.parameters if gains == "known" else None
+    try:
+        return feasible_parameters(found.design, found.factors, found.solution, prior), []
+    except SolverFailure as failure:
+        return None, [f"No physically feasible parameters were found: {failure}"]
+
+
+def _feasible_result(feasible: Feasible) -> dict[str, Any]:
+    return {
+        "prior": feasible.prior,
+        "parameters": feasible.preferred.parameters.tolist(),
+        "rmse_rise_percent": feasible.preferred.rise.tolist(),
+        "smallest_eigenvalue": feasible.preferred.smallest_eigenvalue.tolist(),
+        "held": list(feasible.preferred.held),
+    }
+
+
+__all__ = ["Gains", "Identification", "identify"]
