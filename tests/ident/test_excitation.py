@@ -16,7 +16,7 @@ from ident.excitation.design import Designer, Request
 from ident.excitation.fourier import FourierFamily, Trajectory
 from ident.excitation.geometry import Surroundings
 from ident.excitation.limits import MotionLimits, Shares, TorquePrior
-from ident.excitation.output import sample, write_joint_trajectory, write_table
+from ident.excitation.output import check_rate, write_joint_trajectory, write_table
 from ident.log import JointLog
 from ident.multibody import Multibody
 from ident.robot import JointLimits, Robot, load_robot
@@ -283,7 +283,7 @@ def test_limits_of_the_built_in_arm() -> None:
 
 
 def test_waypoints_come_back(designer: Designer, rng: np.random.Generator, tmp_path: Path) -> None:
-    motion = sample(designer.start(rng), 50.0)
+    motion = designer.start(rng).sample(50.0)
     assert motion.t[-1] == 4.0
     assert len(motion) == 201
     for name, read in (("a.csv", pyarrow.csv.read_csv), ("a.parquet", pyarrow.parquet.read_table)):
@@ -299,4 +299,4 @@ def test_waypoints_come_back(designer: Designer, rng: np.random.Generator, tmp_p
     for key, values in (("positions", motion.q), ("velocities", motion.dq), ("accelerations", motion.ddq)):
         np.testing.assert_allclose([p[key] for p in message["points"]], values, atol=1e-9)
     with pytest.raises(InputError, match="rate of 2 Hz"):
-        sample(designer.start(rng), 2.0)
+        check_rate(designer.family, 2.0)
