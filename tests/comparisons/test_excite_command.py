@@ -101,7 +101,7 @@ def test_given_logs_count(capsys: pytest.CaptureFixture[str], card: Path, tmp_pa
         (("--objective", "beauty"), "no objective 'beauty'"),
         (("--ground", "2"), "the ground are too close"),
         (("--box", "-1", "-1", "0", "1", "1", "-2"), "box from"),
-        (("--torque-share", "0.001"), "torque limit of joint 2"),
+        (("--torque-share", "1e-6"), "torque limit of joint 2"),
         (("--model", "nowhere"), "no model"),
     ],
 )
