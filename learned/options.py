@@ -31,7 +31,7 @@ class TrainingOptions:
         zero_start_every: mean time [s] between moments at which the discriminator is set to zero in training, as if
             the robot had just been switched on; None never does.
         cross_fit: folds; with two or more, each hierarchy learns what networks that had not seen a frame leave of it.
-        hold_out: share of the rows kept for validation where no validation logs are given and there is one log only.
+        hold_out: share of each log kept for validation where no validation logs are given and there are few logs.
         on_disk: keep the training frames in files, mapped into memory, for logs larger than memory.
         device: ``cpu`` or ``cuda``; default: CUDA where there is a device.
         checkpoint_seconds: time between checkpoints [s].

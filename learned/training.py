@@ -5,7 +5,8 @@ from __future__ import annotations
 import contextlib
 import dataclasses
 import tempfile
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -14,7 +15,7 @@ import numpy as np
 from ident.arrays import FloatArray
 from ident.cutoff import choose_cutoff
 from ident.errors import InputError
-from ident.log import LogSource
+from ident.log import JointLog, LogSource
 from ident.predictor import CurrentPredictor
 from learned.dataset import FrameSpec, build
 from learned.model_file import TrainedModel
@@ -27,6 +28,9 @@ from learned.window import Scaling, decimation
 
 if TYPE_CHECKING:
     from ident.robot import Robot
+
+EVERY = 8
+"""One log in so many is held out for validation."""
 
 
 def train(
@@ -47,8 +51,8 @@ def train(
     Args:
         robot: the robot.
         train_logs: logs to learn from.
-        validation_logs: logs to stop early by; by default the last training log is kept for that, or the end of it
-            where there is one only.
+        validation_logs: logs to stop early by; by default every eighth training log is kept for that, or the end of
+            each log where there are fewer than eight.
         method: one of ``METHODS``.
         options: how to train; by default as ``suggested``, which is the paper's way for its own methods.
         out: folder for the model, and for the checkpoint until it is done; None keeps nothing.
@@ -152,17 +156,39 @@ def validation_figures(model: LearnedModel, logs: Sequence[LogSource]) -> dict[s
     return {"rmse": whole, "rmse_known": root(squares[0], counts[0]), "rmse_unknown": root(squares[1], counts[1])}
 
 
+@dataclass(frozen=True)
+class _Part:
+    """Rows of a log from one share of its length to another; a ``LogSource`` that reads the log when it is read."""
+
+    source: LogSource
+    start: float
+    stop: float
+
+    @property
+    def name(self) -> str:
+        """Name of the whole log."""
+        return self.source.name
+
+    def blocks(self, rows: int) -> Iterator[JointLog]:
+        """Yield consecutive pieces of at most ``rows`` rows."""
+        return self.read().blocks(rows)
+
+    def read(self) -> JointLog:
+        """Return the rows in memory."""
+        log = self.source.read()
+        return log[round(self.start * len(log)) : round(self.stop * len(log))]
+
+
 def _held_out(
     logs: Sequence[LogSource], validation: Sequence[LogSource] | None, options: TrainingOptions
 ) -> tuple[Sequence[LogSource], Sequence[LogSource]]:
-    """Training and validation logs; without any of the latter the last log, or the end of the only one."""
+    """Training and validation logs; without any of the latter every eighth log, or of fewer logs the end of each."""
     if validation:
         return logs, validation
-    if len(logs) > 1:
-        return logs[:-1], logs[-1:]
-    log = logs[0].read()
-    cut = len(log) - max(1, round(options.hold_out * len(log)))
-    return [log[:cut]], [log[cut:]]
+    if len(logs) >= EVERY:
+        return [log for k, log in enumerate(logs) if (k + 1) % EVERY], logs[EVERY - 1 :: EVERY]
+    cut = 1.0 - options.hold_out
+    return [_Part(log, 0.0, cut) for log in logs], [_Part(log, cut, 1.0) for log in logs]
 
 
 def _common_rate(logs: Sequence[LogSource]) -> float:

@@ -60,7 +60,7 @@ def train(
         test: logs to test on.
         out: directory for the model, predictions, report and result.json.
         method: mlp, lstm, rdl, rdl-md, hrdl, hrdl-md, or hybrid: hrdl-md on top of an identified model.
-        validation: logs to stop early by; by default the last training log.
+        validation: logs to stop early by; by default every eighth training log, or the end of each where they are few.
         model: output of identify, for a hybrid to stand on.
         epochs: passes over the training logs at most.
         patience: epochs without a better validation loss after which a network is done.

@@ -4,8 +4,12 @@ import numpy as np
 import pytest
 import torch
 
+from ident.effects.base import initial_term
+from ident.effects.friction import Viscous
 from ident.errors import InputError
+from ident.model import CurrentModel
 from ident.predictor import CurrentPredictor
+from ident.robot import load_robot
 from learned.motion_discriminator import DiscriminatorSpec, MotionDiscriminator
 from learned.networks import METHODS
 from learned.predictor import LearnedModel
@@ -141,6 +145,25 @@ def test_saved_and_loaded_it_predicts_the_same(tmp_path, stop_and_go, random_mod
         model = LearnedModel(random_model(method))
         model.save(tmp_path / method)
         np.testing.assert_array_equal(LearnedModel.load(tmp_path / method).predict(log), model.predict(log))
+
+
+def test_a_hybrid_keeps_its_physics(tmp_path, stop_and_go, random_model):
+    robot = load_robot("vs060")
+    terms = tuple(
+        dataclasses.replace(initial_term(Viscous(j)), coefficients=np.array([3.0]), std=np.zeros(1)) for j in range(6)
+    )
+    physics = CurrentModel(robot, terms, 20.0, 100.0, np.ones(6), robot.unit)
+    trained = dataclasses.replace(random_model("hybrid", n=6), joints=robot.joints, unit=robot.unit)
+    log = stop_and_go(9, seconds=2.0, n=6)
+    model = LearnedModel(trained, physics)
+    predicted = model.predict(log)
+    network = LearnedModel(trained).predict(log)
+    np.testing.assert_allclose(predicted - network, physics.predict(log, causal=True), atol=1e-9)
+    np.testing.assert_allclose(stepwise(model, log), predicted, rtol=0.0, atol=1e-9)
+    model.save(tmp_path)
+    np.testing.assert_array_equal(LearnedModel.load(tmp_path, robot).predict(log), predicted)
+    with pytest.raises(InputError, match="needs the robot"):
+        LearnedModel.load(tmp_path)
 
 
 def test_broken_folders_are_refused(tmp_path, random_model):

@@ -132,6 +132,15 @@ def test_zero_starts_forget_at_random_moments(stop_and_go):
     assert forgotten[0] < 0.02 < 0.05 < forgotten[1]
 
 
+def test_every_eighth_log_is_held_out_and_of_few_logs_the_end(arm, stop_and_go):
+    options = dataclasses.replace(QUICK, epochs=1, width=4, hierarchies=1)
+    short = [stop_and_go(seed, seconds=10.0) for seed in range(9)]
+    frames = train(arm, short, None, "mlp", options).trained.training["frames"]
+    assert frames == {"train": 8000, "validation": 1000}
+    frames = train(arm, short[:2], None, "mlp", options).trained.training["frames"]
+    assert frames == {"train": 1700, "validation": 300}
+
+
 def test_logs_that_do_not_fit_are_refused(arm, stop_and_go):
     with pytest.raises(InputError, match="no training logs"):
         train(arm, [], None, "mlp", QUICK)
