@@ -1,0 +1,177 @@
+"""What all observers on an identified model share: momentum and the force that drives it, sample by sample."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from dataclasses import dataclass
+
+import numpy as np
+
+from ident.arrays import FloatArray, IntArray
+from ident.causal import FORGOTTEN, CausalDerivatives
+from ident.effects.rigid_body import Links, RotorInertia
+from ident.errors import InputError
+from ident.log import JointLog, Sample
+from ident.model import NEWTON_METRE, CurrentModel
+from ident.signals import Motion
+from observers.residual import Flag, Residual, hold
+from observers.stamps import Stamps, usable
+
+SETTLED = 1.5
+"""Periods of the cut-off after which the causal filter has forgotten that it started at rest."""
+
+LONGEST_GAP = 10.0
+"""Nominal periods without a sample after which an observer of unfiltered motion starts anew."""
+
+ROWS = 65536
+"""Rows taken at once, which bound the memory of a run."""
+
+
+@dataclass(frozen=True, eq=False)
+class Signals:
+    """What momentum observers live on, at N usable samples, in force units (current units where gains are unknown).
+
+    Attributes:
+        step: time since the sample before [s], (N,); 0 where an observer starts, negative before it may.
+        momentum: generalised momentum of links and rotors, (N, n).
+        drive: what the model says its rate of change is where nothing touches the robot:
+            motor force - friction + C^T dq - gravity, (N, n).
+        q: joint positions [rad or m], (N, n).
+    """
+
+    step: FloatArray
+    momentum: FloatArray
+    drive: FloatArray
+    q: FloatArray
+
+
+class ModelBasedObserver(ABC):
+    """An observer of the external force f in d(momentum)/dt = drive + f (De Luca and Mattone 2003).
+
+    Everything is linear in the inertial parameters of each joint's own row, so it runs in current units where drive
+    gains are unknown, and in N m where they are known. Friction comes from the model, with its memory. Motion and
+    current pass the same causal low pass, so that they stay in step; the observer starts once that has settled.
+
+    Args:
+        model: identified model.
+        filtered: low-pass motion and current at the model's cut-off; without, samples must carry ``dq``.
+        rate: nominal samples a second [Hz]; by default the model's.
+
+    Raises:
+        InputError: the model's cut-off is not below half the rate.
+    """
+
+    def __init__(self, model: CurrentModel, filtered: bool = True, rate: float | None = None) -> None:
+        self.model, self.rate = model, rate or model.rate
+        forget = FORGOTTEN / model.cutoff if filtered else LONGEST_GAP / self.rate
+        self._stamps = Stamps(self.rate, forget, SETTLED / model.cutoff if filtered else 0.0)
+        # positions and currents side by side, so that one filter keeps them in step
+        self._filter = CausalDerivatives(self.rate, model.cutoff, 2 * model.n) if filtered else None
+        self._link_parameters, self._rotor_inertia = model.link_parameters, model.rotor_inertia
+        # the model's other effects are asked only where there are any
+        self._slips = any(not isinstance(term.effect, (Links, RotorInertia)) for term in model.terms)
+        self.flag = Flag.GOOD
+        self.reset()
+
+    @property
+    def n(self) -> int:
+        """Number of joints."""
+        return self.model.n
+
+    @property
+    def unit(self) -> str:
+        """Unit of the residual current."""
+        return self.model.unit
+
+    def reset(self) -> None:
+        """Forget all memory, as at the start of a log or segment."""
+        self._stamps.reset()
+        if self._filter is not None:
+            self._filter.reset()
+        self._memories = self.model.start()
+        self._last = np.zeros(self.n)
+
+    def step(self, sample: Sample) -> FloatArray:
+        """Take one sample and return the residual current (n,).
+
+        Raises:
+            InputError: the observer does not filter and the sample has no ``dq``.
+        """
+        dq = None if sample.dq is None else sample.dq[None]
+        force, flags = self._rows(np.array([sample.t]), sample.q[None], sample.current[None], dq)
+        self.flag = Flag(int(flags[0]))
+        current: FloatArray = force[0] / self.model.gain
+        return current
+
+    def run(self, log: JointLog) -> Residual:
+        """Return the residual of a whole log, beginning anew at each of its segments; bounded memory beside it.
+
+        Raises:
+            InputError: the observer does not filter and the log has no ``dq``, or has another number of joints.
+        """
+        if log.n != self.n:
+            what = f"{log.n} joints where the model has {self.n}"
+            raise InputError(what, f"log {log.name}", "give a log of the model's robot")
+        force, flags = np.empty(log.q.shape), np.empty(len(log), dtype=np.int64)
+        for segment in log.segments():
+            self.reset()
+            for first in range(segment.start, segment.stop, ROWS):
+                rows = slice(first, min(first + ROWS, segment.stop))
+                dq = None if log.dq is None else log.dq[rows]
+                force[rows], flags[rows] = self._rows(log.t[rows], log.q[rows], log.current[rows], dq)
+        known = self.model.force_unit == NEWTON_METRE or self.model.robot.gain is not None
+        gain = self.model.gain if self.model.force_unit == NEWTON_METRE else self.model.robot.gain
+        current = force / self.model.gain
+        torque = current * gain if known and gain is not None else None
+        return Residual(log.t, current, torque, flags, log.segment, self.unit)
+
+    @abstractmethod
+    def _advance(self, signals: Signals) -> FloatArray:
+        """Go on over rows and return the external force (N, n) in force units; nought where ``step`` is not above 0."""
+
+    def _rows(
+        self, t: FloatArray, q: FloatArray, current: FloatArray, dq: FloatArray | None
+    ) -> tuple[FloatArray, IntArray]:
+        flags, step = self._stamps.scan(t, q, current) if dq is None else self._stamps.scan(t, q, current, dq)
+        good = usable(flags)
+        if not good.all():
+            t, q, current, step = t[good], q[good], current[good], step[good]
+            dq = None if dq is None else dq[good]
+        if len(t):
+            force = self._advance(self._signals(t, q, current, dq, step))
+            force = force if len(force) == len(flags) else hold(force, good, self._last)
+        else:
+            force = np.tile(self._last, (len(flags), 1))
+        self._last = force[-1].copy()
+        return force, flags
+
+    def _signals(
+        self, t: FloatArray, q: FloatArray, current: FloatArray, dq: FloatArray | None, step: FloatArray
+    ) -> Signals:
+        n = self.n
+        ddq = np.zeros_like(q)
+        if self._filter is not None:
+            both = None if dq is None else np.concatenate([dq, np.zeros_like(dq)], axis=1)
+            x, v, a = self._filter.run(t, np.concatenate([q, current], axis=1), both)
+            # contiguous, as the compiled loops want them
+            q, current, dq, ddq = x[:, :n].copy(), x[:, n:], v[:, :n].copy(), a[:, :n].copy()
+        elif dq is None:
+            what = "an observer without filters needs measured velocities"
+            raise InputError(what, "observer", "give logs with dq, or filtered=True")
+        terms = self.model.robot.rigid_body.momentum_terms(q, dq, self._link_parameters)
+        drive = self.model.gain * current + terms.coriolis_transpose - terms.gravity
+        if self._slips:
+            drive -= self.model.friction(Motion(t, q, dq, ddq), self._memories)
+        return Signals(step, terms.momentum + self._rotor_inertia * dq, drive, q)
+
+
+def per_joint(value: float | FloatArray, n: int, what: str) -> FloatArray:
+    """Return one positive value a joint.
+
+    Raises:
+        InputError: there are not n values, or one is not above 0.
+    """
+    values = np.asarray(value, dtype=np.float64)
+    if values.shape not in ((), (n,)) or not np.all(values > 0.0) or not np.all(np.isfinite(values)):
+        raise InputError(f"{what} of {value}", "observer", f"give one positive number, or {n} of them")
+    return np.broadcast_to(values, (n,)).copy()
