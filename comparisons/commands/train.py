@@ -61,7 +61,7 @@ def train(
         out: directory for the model, predictions, report and result.json.
         method: mlp, lstm, rdl, rdl-md, hrdl, hrdl-md, or hybrid: hrdl-md on top of an identified model.
         validation: logs to stop early by; by default every eighth training log, or the end of each where they are few.
-        model: output of identify, for a hybrid to stand on.
+        model: output of identify for a hybrid to stand on; by default one is identified from the training logs.
         epochs: passes over the training logs at most.
         patience: epochs without a better validation loss after which a network is done.
         batch: frames a step.
@@ -86,7 +86,6 @@ def train(
     from learned.training import train as fit
 
     loaded = load_robot(robot)
-    physics = _physics(method, model, loaded)
     learn, prove = open_logs(train, loaded), open_logs(test, loaded)
     stop = open_logs(validation, loaded) if validation else None
     given = {"hierarchies": hierarchies, "width": width, "rate": rate, "cutoff": cutoff, **_discriminator(signal)}
@@ -96,6 +95,7 @@ def train(
     )  # fmt: skip
     work = _work(out, f"{loaded.card} {method} {model} {options} {[s.name for s in learn]}")
     with OutputDirectory(out, "train") as output, show_progress() as progress:
+        physics = _physics(method, model, loaded, learn, progress)
         try:
             trained = fit(loaded, learn, stop, method, options, work, _told(progress), physics)
         except InputError:
@@ -115,13 +115,18 @@ def train(
     print(out / "report.html")
 
 
-def _physics(method: str, model: Path | None, robot: Robot) -> CurrentModel | None:
-    """Load the identified model that a hybrid stands on."""
+def _physics(
+    method: str, model: Path | None, robot: Robot, logs: list[LogSource], progress: Progress
+) -> CurrentModel | None:
+    """Load the identified model that a hybrid stands on, or identify one."""
     if method != "hybrid":
+        if model is not None:
+            raise InputError(f"{method} stands on no model", "--model", "leave it out, or train a hybrid")
         return None
     if model is None:
-        what = "a hybrid stands on an identified model"
-        raise InputError(what, "--method hybrid", "run `sensorless identify` and give its output as --model")
+        from ident.identify import identify
+
+        return identify(robot, logs, progress=progress).model
     from ident.model_file import load_model
 
     return load_model(model, robot)

@@ -60,10 +60,10 @@ def test_train_writes_model_predictions_result_and_report(robot, logs, tmp_path,
     assert capsys.readouterr().err == ""
 
 
-def test_a_hybrid_without_a_model_is_refused_and_leaves_nothing(logs, tmp_path, capsys):
+def test_wrong_calls_are_refused_and_leave_nothing(logs, tmp_path, capsys):
     given = ["--train", logs / "run0.parquet", "--test", logs / "run2.parquet", "--out", tmp_path / "out"]
-    assert run("train", "vs060", *given, "--method", "hybrid") == 2
-    assert "error: a hybrid stands on an identified model" in capsys.readouterr().err
+    assert run("train", "vs060", *given, "--model", tmp_path) == 2
+    assert "error: hrdl-md stands on no model, --model" in capsys.readouterr().err
     assert list(tmp_path.iterdir()) == []
     assert run("train", "vs060", *given, "--rate", 70) == 2
     assert "100 Hz where the model is for 70 Hz" in capsys.readouterr().err
