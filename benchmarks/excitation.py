@@ -20,7 +20,7 @@ from ident.arrays import FloatArray
 from ident.card import RobotCard
 from ident.excitation.design import Attempt, Designer, Request
 from ident.multibody import Multibody
-from ident.robot import ROBOTS, JointLimits, Robot, load_robot
+from ident.robot import JointLimits, Robot, load_robot
 
 EXAMPLES = {
     "ur10": ("ur_description/urdf/ur10_robot.urdf", None),
@@ -33,13 +33,13 @@ SPACING = 0.1  # [s] between samples of independent noise
 def designer(name: str) -> Designer:
     """Set up the design of a robot's excitation with the defaults: 10 s, 5 harmonics, the ground at the base."""
     if name == "vs060":
-        return Designer(load_robot(name), ROBOTS / name / "vs060.urdf", Request())
+        return Designer(load_robot(name), Request())
     path, joints = EXAMPLES[name]
     wanted = f"example-robot-data/robots/{path}"
     urdf = next(Path(str(f.locate())) for f in files("example-robot-data") or [] if str(f).endswith(wanted))
     body = Multibody.from_urdf(urdf, joints)
     limits = JointLimits(body.lower, body.upper, body.velocity, np.full(body.n, np.inf), body.effort)
-    return Designer(Robot(RobotCard(name=name, urdf=str(urdf), joints=joints), body, limits), urdf, Request())
+    return Designer(Robot(RobotCard(name=name, urdf=str(urdf), joints=joints), body, limits, urdf), Request())
 
 
 def random_motions(name: str, seeds: range) -> list[tuple[int, float, float, float]]:

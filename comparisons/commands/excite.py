@@ -79,25 +79,15 @@ def excite(
     shares = Shares(position_share, velocity_share, acceleration_share, torque_share)
     request = Request(period, harmonics, objective, restarts, seed, shares, surroundings)
     loaded = load_robot(robot)
-    urdf = _card(robot).parent / loaded.card.urdf
     with OutputDirectory(out, "excite") as output, show_progress() as progress:
-        designer = Designer(loaded, urdf, request, _prior(loaded, model))
+        designer = Designer(loaded, request, _prior(loaded, model))
         check_rate(designer.family, rate)
         known = _known(designer, given)
         excitation = designer.design(known, lambda share: progress("Design", share))
         motion = excitation.trajectory.sample(rate)
-        _write(output.path, designer, excitation, known, motion, waypoints, [urdf, *(given or [])])
+        _write(output.path, designer, excitation, known, motion, waypoints, given or [])
         output.result(_result(designer, excitation, request))
     _say(designer, excitation, out)
-
-
-def _card(robot: str) -> Path:
-    from ident.robot import ROBOTS, built_in_robots
-
-    if robot in built_in_robots():
-        return ROBOTS / robot / "robot.toml"
-    path = Path(robot)
-    return path / "robot.toml" if path.is_dir() else path
 
 
 def _prior(robot: Robot, model: Path | None) -> Any:
@@ -132,7 +122,9 @@ def _write(
     write_joint_trajectory(motion, robot.joints, folder / "trajectory.yaml")
     title, surroundings = f"Excitation of {robot.name}", designer.request.surroundings
     write_arm_view(folder / "motion.html", title, robot.multibody, designer.geometry, motion, surroundings)
-    made = provenance(inputs, seed=designer.request.seed, libraries=("casadi", "coal"))
+    made = provenance(
+        [*([robot.urdf] if robot.urdf else []), *inputs], seed=designer.request.seed, libraries=("casadi", "coal")
+    )
     excitation_report(designer, excitation, known).provenance(made).write(folder / "report.html")
 
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import cached_property
-from pathlib import Path
 
 import casadi as ca
 import numpy as np
@@ -117,8 +116,7 @@ class Designer:
     """Designs excitation for one robot; what is expensive to set up is kept between designs.
 
     Args:
-        robot: the robot.
-        urdf: its URDF, for the collision geometry; None leaves collisions unwatched.
+        robot: the robot; without its URDF, from which the collision geometry is read, collisions are not watched.
         request: what to design.
         prior: torques to expect, by default those of the URDF's inertias.
         noise: standard deviation of each joint's torque noise, (n,); see `Information`.
@@ -130,7 +128,6 @@ class Designer:
     def __init__(
         self,
         robot: Robot,
-        urdf: Path | None,
         request: Request | None = None,
         prior: TorquePrior | None = None,
         noise: FloatArray | None = None,
@@ -140,7 +137,7 @@ class Designer:
         self.limits = MotionLimits.of(robot, self.request.shares)
         self.prior = TorquePrior.from_urdf(robot) if prior is None else prior
         self.family = FourierFamily(robot.n, self.request.period, self.request.harmonics)
-        self.geometry = None if urdf is None else ArmGeometry.from_urdf(urdf, robot.multibody)
+        self.geometry = None if robot.urdf is None else ArmGeometry.from_urdf(robot.urdf, robot.multibody)
         self.clearance = self._clearance()
         self.feasibility = Feasibility(self.limits, self.prior, self.clearance)
         self.information = Information(robot, self.limits.span, self.request.drives, noise)

@@ -15,7 +15,8 @@ from ident.signals import Motion
 from ident.symbolic import inverse_dynamics, regressor
 
 FREE_TURN, FREE_SLIDE = np.pi, 0.5  # positions to either side of zero where a joint has no limit [rad, m]
-PLATEAU_SAMPLES = 41
+STATES = 1000  # random poses and velocities at which a model's friction is taken
+SEED = 0
 
 
 @dataclass(frozen=True)
@@ -104,7 +105,7 @@ class TorquePrior:
 
     @staticmethod
     def from_model(model: CurrentModel) -> TorquePrior:
-        """Take an identified model; its friction counts with the largest size it has at any constant velocity.
+        """Take an identified model; all but its links and rotors count with the largest size they have.
 
         Raises:
             InputError: the model is in units of current, so that its torques do not compare with the robot's limits.
@@ -113,10 +114,12 @@ class TorquePrior:
         if model.force_unit != NEWTON_METRE:
             what = f"the model's torques are in {model.force_unit}, the robot's limits in N m"
             raise InputError(what, "prior model", "give [drive] gain in the card and identify again, or give no model")
-        speed = np.linspace(-1.0, 1.0, PLATEAU_SAMPLES)[:, None] * robot.limits.velocity
-        q = np.broadcast_to(MotionLimits.of(robot, Shares()).span.mean(axis=0), speed.shape)
-        plateaus = Motion(np.arange(float(PLATEAU_SAMPLES)), q.copy(), speed, np.zeros_like(speed))
-        friction = np.abs(model.friction(plateaus)).max(axis=0)
+        rng = np.random.default_rng(SEED)
+        lower, upper = MotionLimits.of(robot, Shares(position=1.0)).span
+        q = rng.uniform(lower, upper, (STATES, robot.n))
+        dq = rng.choice([-1.0, 1.0], q.shape) * np.linspace(0.0, 1.0, STATES)[:, None] * robot.limits.velocity
+        states = Motion(np.arange(float(STATES)), q, dq, np.zeros_like(q))
+        friction = np.abs(model.friction(states)).max(axis=0)
         return TorquePrior(robot, model.link_parameters, model.rotor_inertia, friction)
 
     def torque(self, motion: Motion) -> FloatArray:

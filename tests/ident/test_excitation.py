@@ -11,6 +11,9 @@ import pytest
 import yaml
 
 from ident.card import RobotCard
+from ident.effects.base import Effect, Term
+from ident.effects.friction import Coulomb, Viscous
+from ident.effects.rigid_body import Links, RotorInertia
 from ident.errors import InputError
 from ident.excitation.design import Designer, Request
 from ident.excitation.fourier import FourierFamily, Trajectory
@@ -18,6 +21,7 @@ from ident.excitation.geometry import Surroundings
 from ident.excitation.limits import MotionLimits, Shares, TorquePrior
 from ident.excitation.output import check_rate, write_joint_trajectory, write_table
 from ident.log import JointLog
+from ident.model import CurrentModel
 from ident.multibody import Multibody
 from ident.robot import JointLimits, Robot, load_robot
 
@@ -45,7 +49,7 @@ def write_arm(folder: Path, shape: str = BOX, effort: float = 60.0) -> Path:
 def arm_robot(urdf: Path, **changes: object) -> Robot:
     body = Multibody.from_urdf(urdf)
     limits = JointLimits(body.lower, body.upper, body.velocity, np.full(body.n, 15.0), body.effort)
-    return Robot(RobotCard(name="arm", urdf=str(urdf)), body, dataclasses.replace(limits, **changes))
+    return Robot(RobotCard(name="arm", urdf=str(urdf)), body, dataclasses.replace(limits, **changes), urdf)
 
 
 @pytest.fixture(scope="module")
@@ -58,7 +62,7 @@ QUICK = Request(period=4.0, harmonics=3, restarts=2, nodes=30, iterations=40)
 
 @pytest.fixture(scope="module")
 def designer(urdf: Path) -> Designer:
-    return Designer(arm_robot(urdf), urdf, QUICK)
+    return Designer(arm_robot(urdf), QUICK)
 
 
 def test_series_rests_at_both_ends_and_is_its_own_derivative(rng: np.random.Generator) -> None:
@@ -195,7 +199,7 @@ def test_design_adds_to_what_is_known(designer: Designer) -> None:
 
 
 def test_condition_number_as_objective(urdf: Path, designer: Designer) -> None:
-    other = Designer(arm_robot(urdf), urdf, dataclasses.replace(QUICK, objective="condition"))
+    other = Designer(arm_robot(urdf), dataclasses.replace(QUICK, objective="condition"))
     assert other.design().condition_number < designer.design().condition_number
 
 
@@ -213,17 +217,17 @@ def test_information_of_logs_is_that_of_their_motion(designer: Designer, rng: np
 def test_what_cannot_be_met_is_named(urdf: Path, tmp_path: Path) -> None:
     weak = write_arm(tmp_path, effort=0.5)
     with pytest.raises(InputError, match="torque limit of joint"):
-        Designer(arm_robot(weak), weak, QUICK).design()
+        Designer(arm_robot(weak), QUICK).design()
     high = dataclasses.replace(QUICK, surroundings=Surroundings(ground=3.0))
     with pytest.raises(InputError, match="the ground are too close"):
-        Designer(arm_robot(urdf), urdf, high).design()
+        Designer(arm_robot(urdf), high).design()
     with pytest.raises(InputError, match="no velocity limit for joint 2"):
-        Designer(arm_robot(urdf, velocity=np.array([1.0, np.inf, 1.0])), urdf, QUICK)
+        Designer(arm_robot(urdf, velocity=np.array([1.0, np.inf, 1.0])), QUICK)
 
 
 def test_walls_keep_the_arm_inside(urdf: Path) -> None:
     inside = Surroundings(ground=None, lower=(-0.5, -np.inf, -np.inf))
-    designer = Designer(arm_robot(urdf), urdf, dataclasses.replace(QUICK, restarts=1, surroundings=inside))
+    designer = Designer(arm_robot(urdf), dataclasses.replace(QUICK, restarts=1, surroundings=inside))
     trajectory = designer.design().trajectory
     assert designer.clearance is not None
     end = designer.clearance.geometry.bodies[-1]
@@ -260,11 +264,11 @@ def test_missing_meshes_are_named_and_the_rest_is_watched(tmp_path: Path) -> Non
     path = write_arm(tmp_path)
     text = path.read_text()
     path.write_text(text.replace(BOX, '<mesh filename="package://arm/gone.stl"/>', 1))
-    designer = Designer(arm_robot(path), path, QUICK)
+    designer = Designer(arm_robot(path), QUICK)
     assert any("package://arm/gone.stl" in note for note in designer.notes())
     assert designer.geometry is not None
     assert [body.link for body in designer.geometry.bodies] == ["l0", "l2", "l3"]
-    assert "not watched" in Designer(arm_robot(path), None, QUICK).notes()[0]
+    assert "not watched" in Designer(dataclasses.replace(arm_robot(path), urdf=None), QUICK).notes()[0]
 
 
 def test_friction_of_a_prior_takes_its_room(designer: Designer) -> None:
@@ -272,6 +276,26 @@ def test_friction_of_a_prior_takes_its_room(designer: Designer) -> None:
     np.testing.assert_allclose(prior.room(designer.limits), 48.0 - prior.friction)
     with pytest.raises(InputError, match="friction alone takes all torque of joint 2"):
         dataclasses.replace(prior, friction=np.array([1.0, 100.0, 1.0])).room(designer.limits)
+
+
+def test_prior_from_an_identified_model(designer: Designer, rng: np.random.Generator) -> None:
+    robot = designer.robot
+    base = robot.rigid_body.base_parameters()
+    none = np.zeros(0)
+
+    def term(effect: Effect, *values: float) -> Term:
+        return Term(effect, none, np.array(values), np.full(len(values), np.nan), none)
+
+    terms = [term(Links(None), *base.projection @ robot.multibody.parameters), term(RotorInertia(1), 0.3)]
+    terms += [term(Coulomb(2), 1.5), term(Viscous(2), 0.5)]
+    model = CurrentModel(robot, tuple(terms), 10.0, 100.0, np.ones(3), "N m")
+    prior = TorquePrior.from_model(model)
+    np.testing.assert_allclose(prior.friction, [0.0, 0.0, 1.5 + 0.5 * 2.0])
+    motion = designer.start(rng).at(np.linspace(0, 4, 9))
+    wanted = designer.prior.torque(motion) + 0.3 * motion.ddq * [0, 1, 0]
+    np.testing.assert_allclose(prior.torque(motion), wanted, atol=1e-9)
+    with pytest.raises(InputError, match="are in A"):
+        TorquePrior.from_model(dataclasses.replace(model, force_unit="A"))
 
 
 def test_limits_of_the_built_in_arm() -> None:
