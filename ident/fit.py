@@ -17,10 +17,13 @@ from ident.model import CurrentModel
 from ident.robot import Robot
 from ident.shapes import optimise_shapes
 from ident.uncertainty import covariance
-from ident.walk import Block, collect, walk
+from ident.walk import Block, collect, thin, walk
 
 HUBER = 1.345
 """Residuals beyond this many robust standard deviations lose weight (95 % efficiency on Gaussian noise)."""
+
+SHAPE_ROWS = 12_000
+"""Rows at most on which shape parameters are searched."""
 
 ROUNDS = 4
 """Alternations at most between shape parameters, linear parameters and the load that the links put on the gears."""
@@ -82,7 +85,8 @@ def fit(
     tell = progress or (lambda share: None)
     held = collect(sources, cutoff)
     rate = next(iter(held)).log.rate if held else 0.0
-    design = settle(Design(robot, tuple(initial_term(e) for e in effects), drives.gain), held, drives, cutoff, rate)
+    start = Design(robot, tuple(initial_term(e) for e in effects), drives.gain)
+    design = settle(start, thin(held, SHAPE_ROWS), drives, cutoff, rate)
     tell(0.3)
     passes = 3 if robust else 1
 

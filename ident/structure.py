@@ -20,10 +20,10 @@ from ident.least_squares import Factors, factorise, solve, triangle
 from ident.log import LogSource
 from ident.robot import Robot
 from ident.shapes import optimise_shapes
-from ident.walk import Block, collect
+from ident.walk import Block, collect, thin
 
-SEARCH_ROWS = 24_000
-"""Rows at most on which structures are compared."""
+HELD_ROWS, SEARCH_ROWS = 24_000, 6_000
+"""Rows that are walked, and those of them at most on which structures are compared."""
 
 GAIN = 0.01
 """A term must lower the held-out RMS residual of its joint by this share, on average over the folds, and on each."""
@@ -74,7 +74,7 @@ def choose_structure(
     candidate with all linear parameters refitted, and takes the best one if it lowers the held-out residual by more
     than ``GAIN`` on average and does not raise it on any fold. A joint that takes nothing is done.
     """
-    blocks = collect(sources, cutoff, SEARCH_ROWS)
+    blocks = thin(collect(sources, cutoff, HELD_ROWS), SEARCH_ROWS)
     if not any(block.keep.any() for block in blocks):
         return Structure(tuple(baseline), (), "nothing: the logs are too short")
     folds, described = make_folds(blocks)

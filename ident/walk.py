@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -71,6 +71,18 @@ def collect(sources: Iterable[LogSource], cutoff: float, limit: int = SEARCH_ROW
             if sum(len(b.keep) for b in held) > 2 * limit:
                 held, every = held[::2], every * 2
     return held
+
+
+def thin(blocks: Sequence[Block], limit: int) -> list[Block]:
+    """Keep every k-th row of blocks, so that no more than ``limit`` rows are kept.
+
+    Neighbouring rows of a robot's residual say nearly the same, so a search loses little by it; memories still see
+    every row.
+    """
+    every = -(-sum(int(block.keep.sum()) for block in blocks) // limit)
+    if every < 2:
+        return list(blocks)
+    return [replace(block, keep=block.keep & (np.arange(len(block.keep)) % every == 0)) for block in blocks]
 
 
 def _segments(source: LogSource, rows: int) -> Iterator[Iterator[tuple[JointLog, bool]]]:

@@ -67,7 +67,7 @@ class GearRipple(Effect):
     @property
     def shapes(self) -> tuple[Shape, ...]:
         """Return the repeats a turn of the joint."""
-        starts = tuple(np.arange(1.0, self.most, 0.5).tolist())
+        starts = tuple(np.arange(1.0, self.most).tolist())
         return (Shape("per_turn", "1", 0.5, float(self.most), starts, log=False),)
 
     def coefficients(self, robot: Robot) -> tuple[Coefficient, ...]:
