@@ -25,9 +25,13 @@ FIRST_PIECES = 64
 
 @dataclass(frozen=True)
 class Closest:
-    """Where a path comes closest: a distance [m] that it keeps everywhere, between what, and when [s].
+    """Where a path has least to spare.
 
-    ``kept`` tells whether the clearance asked for is kept; ``least`` is the least distance among the poses examined.
+    Attributes:
+        kept: whether every pair keeps the distance it is to keep, at all times.
+        least: distance [m] of the pair that has least to spare among the poses examined.
+        pair: what it is between.
+        time: when [s].
     """
 
     kept: bool
@@ -136,22 +140,23 @@ class ClearanceModel:
             undecided = np.zeros(len(pieces), dtype=np.bool_)
             for k, (q, dq) in enumerate(zip(motion.q, motion.dq, strict=True)):
                 distance = self.distances(q)
-                nearest = int(np.argmin(distance))
-                if distance[nearest] < least:
-                    least, pair, time = float(distance[nearest]), nearest, float(pieces[k])
-                if np.any(distance < self.wanted):
+                spare = distance - self.wanted
+                nearest = int(np.argmin(spare))
+                if spare[nearest] < least:
+                    least, pair, time = float(spare[nearest]), nearest, float(pieces[k])
+                if spare[nearest] < 0:
                     kept = False
                     if stop:
-                        return Closest(kept, least, self.name(pair), time)
+                        return Closest(kept, least + float(self.wanted[pair]), self.name(pair), time)
                     continue
                 travel = self.reach @ (np.abs(dq) + 0.5 * surge * half) * half
-                undecided[k] = bool(np.any(distance - travel < self.wanted))
+                undecided[k] = bool(np.any(spare < travel))
             half *= 0.5
             pieces = np.concatenate([pieces[undecided] - half, pieces[undecided] + half])
             if half < FINEST * trajectory.family.period and len(pieces):
                 kept = False
                 break
-        return Closest(kept, least, self.name(pair), time)
+        return Closest(kept, least + float(self.wanted[pair]), self.name(pair), time)
 
 
 def _assemble(

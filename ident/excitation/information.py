@@ -19,6 +19,7 @@ from ident.walk import walk
 DRIVE_COLUMNS = ("rotor-inertia", "viscous", "coulomb")
 STANDSTILL = 0.02  # share of the velocity limit over which the sign of the velocity turns
 SAMPLES = 1000
+CUTOFF_ROWS = 60_000  # of a log from which the cut-off of its filter is chosen
 SEED = 0
 ROUNDING = 1e-5
 NOISE_SHARE = 0.01  # noise of a torque as a share of the joint's limit, or of its largest torque where it has none
@@ -80,15 +81,17 @@ class Information:
         """
         total = np.zeros((self.size, self.size))
         for source in logs:
-            log = source.read()
-            if log.n != self.robot.n:
-                what = f"{log.n} joints where {self.robot.name} has {self.robot.n}"
+            head = next(source.blocks(CUTOFF_ROWS), None)
+            if head is None:
+                raise InputError("no rows", f"log {source.name}", "give a log with motion")
+            if head.n != self.robot.n:
+                what = f"{head.n} joints where {self.robot.name} has {self.robot.n}"
                 raise InputError(what, f"log {source.name}", "give a log of this robot")
-            for block in walk(log, choose_cutoff(log).hertz):
+            for block in walk(source, choose_cutoff(head).hertz):
                 kept = block.keep
                 motion = Motion(*(x[kept] for x in (block.motion.t, block.motion.q, block.motion.dq, block.motion.ddq)))
                 if len(motion):
-                    total += self.matrix(motion, len(motion) / log.rate)
+                    total += self.matrix(motion, len(motion) / head.rate)
         return total
 
     def log_det(self, matrix: FloatArray) -> float:
