@@ -24,7 +24,7 @@ from learned.networks import DISCRIMINATED, Architecture, architecture
 from learned.options import ProgressCallback, TrainingOptions, suggested
 from learned.predictor import LearnedModel
 from learned.stages import CHECKPOINT, Stages
-from learned.window import Scaling, decimation
+from learned.window import Scaling, multiple
 
 if TYPE_CHECKING:
     from ident.robot import Robot
@@ -192,10 +192,13 @@ def _held_out(
 
 
 def _common_rate(logs: Sequence[LogSource]) -> float:
-    """Lowest rate of the logs, of which that of each is a whole multiple."""
-    read = [log.read() for log in logs]
-    rate = min(log.rate for log in read)
-    nominal = round(rate) if abs(rate / max(round(rate), 1) - 1.0) < 0.005 else rate
-    for log in read:
-        decimation(log, float(nominal))
-    return float(nominal)
+    """Lowest rate of the logs, of which that of each is a whole multiple; one log at a time is in memory."""
+    rates = {}
+    for source in logs:
+        log = source.read()
+        rates[source.name] = log.rate
+    rate = min(rates.values())
+    nominal = float(round(rate)) if abs(rate / max(round(rate), 1) - 1.0) < 0.005 else rate
+    for name, value in rates.items():
+        multiple(value, nominal, name)
+    return nominal

@@ -86,17 +86,22 @@ class Frames:
 
 
 def decimation(log: JointLog, rate: float) -> int:
-    """Return how many rows of the log make one step at the model's ``rate`` [Hz].
+    """Return how many rows of the log make one step at the model's ``rate`` [Hz]; see ``multiple``."""
+    return multiple(log.rate, rate, log.name)
+
+
+def multiple(rate: float, model: float, name: str) -> int:
+    """Return how many times a log's ``rate`` is that of the ``model`` [Hz].
 
     Raises:
-        InputError: the log's rate is no whole multiple of the model's, to within 2 %. Thresholds and windows belong to
-            a rate, so a model cannot be fed at another one.
+        InputError: it is no whole multiple, to within 2 %. Thresholds and windows belong to a rate, so a model cannot
+            be fed at another one.
     """
-    ratio = log.rate / rate
+    ratio = rate / model
     factor = max(1, round(ratio))
     if abs(ratio / factor - 1.0) > 0.02:
-        what = f"sampled at {log.rate:.4g} Hz where the model is for {rate:.4g} Hz"
-        raise InputError(what, f"log {log.name}", "resample it to the model's rate or a whole multiple of it")
+        what = f"sampled at {rate:.4g} Hz where the model is for {model:.4g} Hz"
+        raise InputError(what, f"log {name}", "resample it to the model's rate or a whole multiple of it")
     return factor
 
 
