@@ -33,19 +33,20 @@ class _Course:
     best_epoch: int = 0
     epoch: int = 0
     batch: int = 0
-    loss: float = 0.0
-    weight: float = 0.0
+    loss: float | torch.Tensor = 0.0
+    weight: float | torch.Tensor = 0.0
 
     def snapshot(self, module: DenseGraph | Lstm) -> dict[str, Any]:
         """Everything that the next step depends on."""
         names = ("best_loss", "best_epoch", "epoch", "batch", "loss", "weight")
+        self.loss, self.weight = float(self.loss), float(self.weight)
         counts = {name: getattr(self, name) for name in names}
         states = {"module": module.state_dict(), "optimiser": self.optimiser.state_dict(), "best": self.best}
         return {**states, "history": self.history, "counts": counts}
 
     def end_epoch(self, module: DenseGraph | Lstm, validation: float) -> None:
         """Note the losses of an epoch, and the weights if they are the best."""
-        self.history.append([self.loss / max(self.weight, 1e-30), validation])
+        self.history.append([float(self.loss) / max(float(self.weight), 1e-30), validation])
         self.epoch, self.batch, self.loss, self.weight = self.epoch + 1, 0, 0.0, 0.0
         if validation < self.best_loss:
             self.best, self.best_loss, self.best_epoch = _copy(module), validation, self.epoch
@@ -127,11 +128,11 @@ def evaluate(module: DenseGraph | Lstm, batches: Batches, hierarchy: int, option
     """Weighted mean square error of a network over all rows of the batches."""
     size = max(1, 16 * options.batch // batches.kept)
     rows = batches.rows[LSTM_TARGETS - 1 :: LSTM_TARGETS] if batches.kept > 1 else batches.rows
-    total = weights = 0.0
+    total = torch.zeros(2, dtype=torch.float64, device=batches.device)
     for start in range(0, len(rows), size):
-        loss, weight = batches.loss(module, rows[start : start + size], hierarchy)
-        total, weights = total + float(loss), weights + float(weight)
-    return total / max(weights, 1e-30)
+        total += torch.stack(batches.loss(module, rows[start : start + size], hierarchy)).double()
+    loss, weight = total.tolist()
+    return float(loss / max(weight, 1e-30))
 
 
 def descend(
@@ -141,7 +142,7 @@ def descend(
     optimiser: torch.optim.Optimizer,
     rate: float,
     rows: Any,
-) -> tuple[float, float]:
+) -> tuple[torch.Tensor, torch.Tensor]:
     """Take one step of Adam; return the batch's weighted sum of squares and sum of weights."""
     for group in optimiser.param_groups:
         group["lr"] = rate
@@ -149,7 +150,8 @@ def descend(
     optimiser.zero_grad(set_to_none=True)
     (loss / weight.clamp_min(1e-9)).backward()
     optimiser.step()
-    return float(loss.detach()), float(weight)
+    # Left where they are: reading them would make a GPU wait at every step.
+    return loss.detach().double(), weight.double()
 
 
 def rate_at(options: TrainingOptions, epochs: float) -> float:
