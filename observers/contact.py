@@ -1,0 +1,135 @@
+"""Contact and collision from residuals: when, how hard, and on which link."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from enum import IntEnum
+
+import numpy as np
+
+from ident.arrays import FloatArray, IntArray
+from ident.compiled import compiled
+from ident.signals import Motion
+from observers.residual import Residual
+from observers.thresholds import Threshold
+
+RELEASE = 0.7
+"""Share of its threshold that a residual must fall below before the contact counts as ended."""
+
+COLLISION = 3.0
+"""A collision is a residual of so many times the contact threshold, unless told otherwise."""
+
+
+class Level(IntEnum):
+    """How hard the world pushes."""
+
+    NONE = 0
+    CONTACT = 1
+    COLLISION = 2
+
+
+@dataclass(frozen=True)
+class Episode:
+    """One contact: ``start`` and ``end`` [s], its highest ``level`` and the ``link`` pushed, counted from 1."""
+
+    start: float
+    end: float
+    level: Level
+    link: int
+
+
+@dataclass(frozen=True, eq=False)
+class Contacts:
+    """Contacts along a log.
+
+    Attributes:
+        t: time [s], (N,).
+        level: `Level` at each row, (N,).
+        link: link pushed at each row, counted from 1, 0 for none, (N,).
+        ratio: each joint's residual over its contact threshold, (N, n).
+    """
+
+    t: FloatArray
+    level: IntArray
+    link: IntArray
+    ratio: FloatArray
+
+    def episodes(self, apart: float = 0.1) -> list[Episode]:
+        """Return contacts in order; those less than ``apart`` [s] from each other are one."""
+        rows = np.flatnonzero(self.level > 0)
+        if len(rows) == 0:
+            return []
+        found = []
+        for group in np.split(rows, np.flatnonzero(np.diff(self.t[rows]) > apart) + 1):
+            links = np.bincount(self.link[group])
+            level = Level(int(self.level[group].max()))
+            found.append(Episode(float(self.t[group[0]]), float(self.t[group[-1]]), level, int(np.argmax(links))))
+        return found
+
+
+@dataclass(eq=False)
+class ContactDetector:
+    """Tells contact and collision by thresholds, and the link by who feels it.
+
+    A push on a link is felt by its own joint and those before it, never by those behind it: the link pushed is that of
+    the last joint above its threshold (Haddadin et al. 2017). A push that has no lever about that joint is taken for
+    one nearer to the base. A joint once in contact stays so until it falls below `RELEASE` of its threshold.
+
+    Attributes:
+        contact: threshold of contact.
+        collision: threshold of collision; by default `COLLISION` times that of contact.
+    """
+
+    contact: Threshold
+    collision: Threshold | None = None
+    _touched: IntArray = field(init=False, repr=False)
+
+    def __post_init__(self) -> None:
+        self._touched = np.zeros(len(self.contact.constant), dtype=np.int64)
+
+    def reset(self) -> None:
+        """Forget contacts under way."""
+        self._touched[:] = 0
+
+    def step(
+        self, residual: FloatArray, dq: FloatArray | None = None, ddq: FloatArray | None = None
+    ) -> tuple[Level, int]:
+        """Take a residual (n,), with the motion where the thresholds need it, and return the level and the link."""
+        rest = np.zeros(len(residual))
+        speed, hurry = (rest if x is None else x for x in (dq, ddq))
+        level, link, _ = self._scan(residual[None], speed[None], hurry[None])
+        return Level(int(level[0])), int(link[0])
+
+    def run(self, residual: Residual, motion: Motion | None = None) -> Contacts:
+        """Find the contacts of a log; ``motion`` of the same rows where the thresholds need it."""
+        rest = np.zeros(residual.current.shape)
+        dq, ddq = (rest, rest) if motion is None else (motion.dq, motion.ddq)
+        level, link = np.zeros(len(residual), dtype=np.int64), np.zeros(len(residual), dtype=np.int64)
+        ratio = np.empty(residual.current.shape)
+        edges = np.flatnonzero(np.diff(residual.segment)) + 1
+        for rows in np.split(np.arange(len(residual)), edges):
+            self.reset()
+            level[rows], link[rows], ratio[rows] = self._scan(residual.current[rows], dq[rows], ddq[rows])
+        return Contacts(residual.t, level, link, ratio)
+
+    def _scan(self, residual: FloatArray, dq: FloatArray, ddq: FloatArray) -> tuple[IntArray, IntArray, FloatArray]:
+        contact = self.contact.at(dq, ddq)
+        collision = COLLISION * contact if self.collision is None else self.collision.at(dq, ddq)
+        size = np.abs(residual)
+        level, link = np.zeros(len(residual), dtype=np.int64), np.zeros(len(residual), dtype=np.int64)
+        _scan(size / contact, size / collision, RELEASE, self._touched, level, link)
+        return level, link, size / contact
+
+
+@compiled
+def _scan(
+    contact: FloatArray, collision: FloatArray, release: float, touched: IntArray, level: IntArray, link: IntArray
+) -> None:
+    for k in range(len(contact)):
+        for j in range(contact.shape[1]):
+            if contact[k, j] > 1.0 or (touched[j] == 1 and contact[k, j] > release):
+                touched[j] = 1
+                level[k] = max(level[k], 2 if collision[k, j] > 1.0 else 1)
+                link[k] = j + 1
+            else:
+                touched[j] = 0
