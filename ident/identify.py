@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
+from threadpoolctl import threadpool_limits
 
 from ident.arrays import FloatArray
 from ident.drive_gain import GainEstimate, shared_gains
@@ -126,6 +127,20 @@ def identify(
     """
     if not train:
         raise InputError("no log to identify from", "--train", "give at least one log")
+    # The matrices are narrow: BLAS threads would only wait for one another.
+    with threadpool_limits(1, "blas"):
+        return _identify(robot, train, cutoff, gains, effects, robust, progress)
+
+
+def _identify(
+    robot: Robot,
+    train: Sequence[LogSource],
+    cutoff: float | None,
+    gains: Gains | None,
+    effects: Sequence[str] | None,
+    robust: bool,
+    progress: Progress | None,
+) -> Identification:
     tell = progress or (lambda what, share: None)
     chosen = CutoffChoice(cutoff, "given") if cutoff is not None else _choose_cutoff(train)
     held = collect(train, chosen.hertz)
