@@ -150,7 +150,7 @@ def _identify(
     still = _still_joints(held)
     gains = gains or ("known" if robot.gain is not None else "per-joint")
     drives, estimate = _drives(robot, gains, train, chosen.hertz)
-    smoothing = _smoothing(robot, held)
+    smoothing = _smoothing(held, chosen.hertz)
     baseline = _baseline(robot, gains, smoothing, still)
     structure: Structure | None = None
     if effects is None:
@@ -217,14 +217,14 @@ def _named(
     return effects
 
 
-def _smoothing(robot: Robot, held: Sequence[Block]) -> FloatArray:
-    """Speed (n,) over which each joint's sign of velocity turns: three times the velocity's noise at rest.
+def _smoothing(held: Sequence[Block], cutoff: float) -> FloatArray:
+    """Speed (n,) over which each joint's sign of velocity turns: three standard deviations of the velocity's noise.
 
-    The noise is what the slowest tenth of each joint's samples scatters by; an arm that never rests keeps the usual.
+    What the filter took from the position is taken for white noise; its derivative below the cut-off follows.
     """
-    speeds = np.abs(np.concatenate([block.motion.dq[block.keep] for block in held]))
-    slow = 3.0 * np.quantile(speeds, 0.02, axis=0)
-    return np.asarray(np.clip(slow, 0.2 * SMOOTHING, SMOOTHING))
+    removed = np.concatenate([(block.log.q - block.motion.q)[block.keep] for block in held])
+    passed = np.sqrt(8.0 * np.pi**2 * cutoff**3 / (3.0 * held[0].log.rate))
+    return np.asarray(np.clip(3.0 * passed * removed.std(axis=0), 0.1 * SMOOTHING, SMOOTHING))
 
 
 def _still_joints(held: Sequence[Block]) -> list[int]:
