@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ident.arrays import FloatArray
+from ident.arrays import BoolArray, FloatArray
 from ident.errors import InputError
 from ident.log import JointLog
 
@@ -25,7 +25,9 @@ LIMIT_MARGIN = 0.2
 DEGREES_FACTOR = 2.5
 """Positions beyond the limits by this factor are taken for degrees."""
 UNLIMITED_TURNS = 20 * np.pi
-"""Positions [rad] of a joint without limits beyond this are taken for degrees (63 degrees, or ten turns)."""
+"""Positions [rad] of a joint that turns freely beyond this are taken for degrees (63 degrees, or ten turns)."""
+FULL_TURN = 2 * np.pi - 0.1
+"""A joint whose limits span as much [rad] turns freely: the URDF bounds its cables, and real robots turn further."""
 SPEED_FACTOR = 5.0
 """Typical fast motion above the speed limit by this factor betrays a wrong unit of time."""
 
@@ -127,24 +129,31 @@ class LogChecker:
         prismatic = self.robot.multibody.prismatic
         allowed = np.maximum(LIMIT_MARGIN, 0.1 * (upper - lower))
         excess = np.maximum(lower - piece.q, piece.q - upper) - allowed
-        widest = np.maximum(np.abs(lower), np.abs(upper))
-        far = np.where(np.isfinite(widest), DEGREES_FACTOR * widest, UNLIMITED_TURNS)
-        wild = ((excess > 0) | ~np.isfinite(widest)) & (np.abs(piece.q) > far) & ~prismatic
-        if wild.any():
-            row, joint = np.argwhere(wild)[0]
-            what = f"q{joint + 1} = {piece.q[row, joint]:.6g} looks like degrees"
-            how = (
-                "set scale position = 0.0174533 in [log] of the card, or the joint's [limits] if it does turn that far"
-            )
-            raise InputError(what, self._at(int(row)), how)
-        if (excess > 0).any():
-            row, joint = np.argwhere(excess > 0)[0]
+        free = (upper - lower >= FULL_TURN) & ~prismatic
+        far = np.where(free, UNLIMITED_TURNS, DEGREES_FACTOR * np.maximum(np.abs(lower), np.abs(upper)))
+        beyond = excess > 0
+        self._refuse_degrees(piece, (beyond | free) & (np.abs(piece.q) > far) & ~prismatic)
+        outside = beyond & ~free
+        if outside.any():
+            row, joint = np.argwhere(outside)[0]
             unit = "m" if prismatic[joint] else "rad"
             what = (
                 f"q{joint + 1} = {piece.q[row, joint]:.4g} {unit} is outside the limits "
                 f"{lower[joint]:.4g} to {upper[joint]:.4g} of joint {joint + 1} ({self.robot.joints[joint]})"
             )
             how = "check the order of the joints, the unit and the robot, or set [limits] of the card"
+            raise InputError(what, self._at(int(row)), how)
+        # One joint may turn further than its limits say; most of them at once do not.
+        crowd = beyond.sum(axis=1) > max(1.0, 0.5 * self.robot.n)
+        self._refuse_degrees(piece, beyond & crowd[:, None])
+
+    def _refuse_degrees(self, piece: JointLog, suspect: BoolArray) -> None:
+        if suspect.any():
+            row, joint = np.argwhere(suspect)[0]
+            what = f"q{joint + 1} = {piece.q[row, joint]:.6g} looks like degrees"
+            how = (
+                "set scale position = 0.0174533 in [log] of the card, or the joint's [limits] if it does turn that far"
+            )
             raise InputError(what, self._at(int(row)), how)
 
     def _check_speed(self, piece: JointLog) -> None:

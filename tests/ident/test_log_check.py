@@ -102,6 +102,44 @@ def test_real_robots_overrun_their_limits_a_little():
     check(changed(log, "q", (5, 0), ROBOT.limits.upper[0] + 0.15), ROBOT, "some.csv")
 
 
+@pytest.fixture(scope="module")
+def ur3(urdf_path, tmp_path_factory):
+    folder = tmp_path_factory.mktemp("ur3")
+    mapping = '[log]\ntime = "mt"\nposition = "mq"\ncurrent = "mtorque"\n'
+    (folder / "robot.toml").write_text(f'name = "ur3"\nurdf = "{urdf_path("ur3")}"\n{mapping}')
+    return load_robot(folder / "robot.toml")  # all its limits are a turn to either side
+
+
+def test_joints_that_turn_freely_may_pass_their_limits(ur3):
+    log = motion()
+    for joint in (0, 5):
+        check(changed(log, "q", slice(None), log.q - 15.8 * (np.arange(N) == joint)), ur3, "some.csv")
+    assert ROBOT.limits.upper[0] - ROBOT.limits.lower[0] < 2 * np.pi - 0.1
+    assert "outside the limits" in refusal(changed(log, "q", (7, 0), -3.6)).what
+
+
+def test_measured_wrist_that_turned_two_and_a_half_times(ur3, measured):
+    log = open_log(measured("ur3_aspectum/id2.mat"), ur3).read()
+    assert log.q[:, 5].min() < -15.5
+
+
+@pytest.mark.parametrize(("offset", "size"), [(90.0, 1.0), (0.0, 20.0), (12.0, 1.0)])
+def test_degrees_are_refused_where_joints_turn_freely(ur3, offset, size):
+    log = motion()
+    q = offset + size * np.sin(2 * log.t[:, None] + np.arange(N))
+    with pytest.raises(InputError) as caught:
+        check(log.replace(q=q), ur3, "some.csv")
+    assert "looks like degrees" in caught.value.what
+
+
+def test_slow_degrees_of_one_joint_show_in_the_speed(ur3):
+    log = motion(200)
+    q = np.array(log.q)
+    q[:, 5] = np.rad2deg(q[:, 5])
+    with pytest.raises(InputError, match="times its limit"):
+        check(log.replace(q=q), ur3, "some.csv")
+
+
 @pytest.mark.parametrize("n", [N - 1, N + 1])
 def test_wrong_number_of_joints(n):
     log = motion()
