@@ -24,6 +24,7 @@ COMMANDS = {
     "demo": "Identify the virtual VS060, without any hardware.",
     "excite": "Design a motion that shows the robot's parameters and keeps all its limits.",
     "identify": "Identify a robot's current model from its logs.",
+    "observe": "Estimate what the outside world adds to the joints, and find contacts.",
     "train": "Train a network that predicts the motor current, and test it.",
 }
 """What each command does, as ``sensorless --help`` says it; ``NAME`` is the function NAME of commands/NAME.py."""

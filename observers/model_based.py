@@ -119,11 +119,8 @@ class ModelBasedObserver(ABC):
                 rows = slice(first, min(first + ROWS, segment.stop))
                 dq = None if log.dq is None else log.dq[rows]
                 force[rows], flags[rows] = self._rows(log.t[rows], log.q[rows], log.current[rows], dq)
-        known = self.model.force_unit == NEWTON_METRE or self.model.robot.gain is not None
-        gain = self.model.gain if self.model.force_unit == NEWTON_METRE else self.model.robot.gain
-        current = force / self.model.gain
-        torque = current * gain if known and gain is not None else None
-        return Residual(log.t, current, torque, flags, log.segment, self.unit)
+        current, gain = force / self.model.gain, known_gain(self.model)
+        return Residual(log.t, current, None if gain is None else current * gain, flags, log.segment, self.unit)
 
     @abstractmethod
     def _advance(self, signals: Signals) -> FloatArray:
@@ -163,6 +160,11 @@ class ModelBasedObserver(ABC):
         if self._slips:
             drive -= self.model.friction(Motion(t, q, dq, ddq), self._memories)
         return Signals(step, terms.momentum + self._rotor_inertia * dq, drive, q)
+
+
+def known_gain(model: CurrentModel) -> FloatArray | None:
+    """Return the drive gains (n,) that a model was identified with or else its robot's card gives; None if unknown."""
+    return model.gain if model.force_unit == NEWTON_METRE else model.robot.gain
 
 
 def per_joint(value: float | FloatArray, n: int, what: str) -> FloatArray:
