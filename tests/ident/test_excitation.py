@@ -1,6 +1,7 @@
 """Excitation design on an arm of three joints: exact pieces, honest verdicts, and motions that tell more."""
 
 import dataclasses
+from collections.abc import Callable
 from pathlib import Path
 
 import casadi as ca
@@ -15,11 +16,13 @@ from ident.effects.base import Effect, Term
 from ident.effects.friction import Coulomb, Viscous
 from ident.effects.rigid_body import Links, RotorInertia
 from ident.errors import InputError
+from ident.excitation.clearance import ClearanceModel
 from ident.excitation.design import Designer, Request
 from ident.excitation.fourier import FourierFamily, Trajectory
-from ident.excitation.geometry import Surroundings
+from ident.excitation.geometry import ArmGeometry, Surroundings
 from ident.excitation.limits import MotionLimits, Shares, TorquePrior
 from ident.excitation.output import check_rate, write_joint_trajectory, write_table
+from ident.excitation.spheres import gap
 from ident.log import JointLog
 from ident.model import CurrentModel
 from ident.multibody import Multibody
@@ -258,6 +261,27 @@ def test_wrong_shares_and_boxes_are_refused() -> None:
         Surroundings(lower=(0.0, 0.0, 1.0), upper=(1.0, 1.0, 0.5))
     with pytest.raises(InputError, match="clearance"):
         Surroundings(clearance=-0.1)
+
+
+@pytest.mark.parametrize("name", ["panda", "ur10", "xarm7"])
+def test_meshes_of_real_arms_are_found_and_covered(
+    name: str, urdf_path: Callable[[str], Path], arm_joints: Callable[[str], list[str] | None]
+) -> None:
+    path = urdf_path(name)
+    body = Multibody.from_urdf(path, arm_joints(name))
+    geometry = ArmGeometry.from_urdf(path, body)
+    assert geometry.missing == ()
+    assert {each.joint for each in geometry.bodies} == set(range(-1, body.n))
+    model = ClearanceModel.build(body, geometry, Surroundings(), np.array([-np.ones(body.n), np.ones(body.n)]))
+    assert "panda_link5 and panda_link7" in model.built_close() or name != "panda"
+    smooth = gap(model, np.array([-np.ones(body.n), np.ones(body.n)]))
+    assert smooth is not None
+    poses = np.random.default_rng(2).uniform(-1.0, 1.0, (100, body.n))
+    true = np.array([np.min(model.distances(q) - model.wanted) for q in poses])
+    balls = smooth(poses.T).full()[0]
+    near = np.abs(true) < 0.15
+    assert np.mean((balls > 0.02) & (true < -0.01)) < 0.02  # hardly ever free where the bodies touch
+    assert np.abs(balls[near] - true[near]).mean() < 0.04
 
 
 def test_missing_meshes_are_named_and_the_rest_is_watched(tmp_path: Path) -> None:
