@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from joblib import Parallel, delayed
 
-from ident.arrays import FloatArray
+from ident.arrays import BoolArray, FloatArray, IntArray
 from ident.design import Design
 from ident.effects.base import Context, Effect, initial_term
 from ident.effects.friction import CoulombAsymmetry, LoadFriction, Sigmoid, Stribeck, ViscousNonlinear
@@ -20,6 +20,7 @@ from ident.least_squares import Factors, factorise, solve, triangle
 from ident.log import LogSource
 from ident.robot import Robot
 from ident.shapes import optimise_shapes
+from ident.signals import zero_phase
 from ident.walk import Block, collect, thin
 
 HELD_ROWS, SEARCH_ROWS = 24_000, 6_000
@@ -27,6 +28,9 @@ HELD_ROWS, SEARCH_ROWS = 24_000, 6_000
 
 GAIN = 0.01
 """A term must lower the held-out RMS residual of its joint by this share, on average over the folds, and on each."""
+
+QUIET = 4.0
+"""Current is compared up to this many times the cut-off of the motion."""
 
 ROUNDS = 5
 FOLDS = 3
@@ -70,11 +74,11 @@ def choose_structure(
 ) -> Structure:
     """Add friction effects to a baseline, joint by joint, as long as held-out rows are predicted better.
 
-    With two logs or more each is held out in turn, with one log its thirds. In each round every joint tries every
+    With three logs or more, logs are held out in turn, with fewer, parts of them. In each round every joint tries every
     candidate with all linear parameters refitted, and takes the best one if it lowers the held-out residual by more
     than ``GAIN`` on average and does not raise it on any fold. A joint that takes nothing is done.
     """
-    blocks = thin(collect(sources, cutoff, HELD_ROWS), SEARCH_ROWS)
+    blocks = [_quiet(block, cutoff) for block in thin(collect(sources, cutoff, HELD_ROWS), SEARCH_ROWS)]
     if not any(block.keep.any() for block in blocks):
         return Structure(tuple(baseline), (), "nothing: the logs are too short")
     folds, described = make_folds(blocks)
@@ -95,6 +99,16 @@ def choose_structure(
         if not open_joints:
             break
     return Structure(tuple(effects), tuple(choices), described)
+
+
+def _quiet(block: Block, cutoff: float) -> Block:
+    """Take from the current the noise that no friction term could explain, well above the motion's own band."""
+    rate = block.log.rate if len(block.log) > 1 else 0.0
+    if QUIET * cutoff >= 0.4 * rate:
+        return block
+    current = zero_phase(block.log.current, rate, QUIET * cutoff)
+    keep = block.keep & np.isfinite(current).all(axis=1)
+    return replace(block, log=block.log.replace(current=current), keep=keep)
 
 
 def candidates(robot: Robot, own: Sequence[Effect], joint: int) -> list[Effect]:
@@ -124,25 +138,33 @@ def coupled(robot: Robot, joint: int) -> list[int]:
 
 
 def make_folds(blocks: Sequence[Block]) -> tuple[list[Fold], str]:
-    """Split rows into folds: by log where there are several, else by thirds of time."""
+    """Split rows into folds: by log where there are three or more, else by parts of each log."""
     logs = sorted({block.log.name for block in blocks})
-    if len(logs) > 1:
-        groups = [set(logs[k::FOLDS]) for k in range(min(FOLDS, len(logs)))]
-        folds = [
-            Fold([b for b in blocks if b.log.name not in g], [b for b in blocks if b.log.name in g]) for g in groups
-        ]
-        return folds, f"each of {len(groups)} groups of {len(logs)} logs in turn"
-    rows = np.concatenate([np.flatnonzero(b.keep) + 1j * k for k, b in enumerate(blocks)])
-    folds = []
-    for part in np.array_split(rows, FOLDS):
-        train, held_out = [], []
-        for k, block in enumerate(blocks):
-            inside = np.zeros(len(block.keep), dtype=bool)
-            inside[part[part.imag == k].real.astype(int)] = True
-            train.append(replace(block, keep=block.keep & ~inside))
-            held_out.append(replace(block, keep=block.keep & inside))
-        folds.append(Fold(train, held_out))
-    return folds, f"each of {FOLDS} parts of the log in turn"
+    parts = -(-FOLDS // len(logs))
+    if parts == 1:
+        # Log names dealt out like cards.
+        group = {name: k % FOLDS for k, name in enumerate(logs)}
+        labels = [np.full(len(b.keep), group[b.log.name]) for b in blocks]
+        return _folds(blocks, labels, FOLDS), f"each of {FOLDS} groups of {len(logs)} logs in turn"
+    labels = [np.zeros(len(b.keep), dtype=np.int64) for b in blocks]
+    for number, name in enumerate(logs):
+        own = [k for k, b in enumerate(blocks) if b.log.name == name]
+        total = sum(int(blocks[k].keep.sum()) for k in own)
+        seen = 0
+        for k in own:
+            order = seen + np.cumsum(blocks[k].keep) - 1
+            labels[k] = number * parts + np.clip(order * parts // max(total, 1), 0, parts - 1)
+            seen += int(blocks[k].keep.sum())
+    described = f"each of {parts} parts of {'the log' if len(logs) == 1 else 'each log'} in turn"
+    return _folds(blocks, labels, parts * len(logs)), described
+
+
+def _folds(blocks: Sequence[Block], labels: Sequence[IntArray], count: int) -> list[Fold]:
+    def only(chosen: Callable[[IntArray], BoolArray]) -> list[Block]:
+        marked = [replace(b, keep=b.keep & chosen(label)) for b, label in zip(blocks, labels, strict=True)]
+        return [b for b in marked if b.keep.any()]
+
+    return [Fold(only(lambda x, k=k: x != k), only(lambda x, k=k: x == k)) for k in range(count)]  # type: ignore[misc]
 
 
 @dataclass(frozen=True, eq=False)
