@@ -14,7 +14,7 @@ from ident.errors import InputError
 from ident.log import JointLog, Sample
 from ident.model import NEWTON_METRE, CurrentModel
 from ident.signals import Motion
-from observers.residual import Flag, Residual, hold
+from observers.residual import UNUSABLE, Flag, Residual, hold
 from observers.stamps import Stamps, usable
 
 SETTLED = 1.5
@@ -97,10 +97,11 @@ class ModelBasedObserver(ABC):
         Raises:
             InputError: the observer does not filter and the sample has no ``dq``.
         """
-        dq = None if sample.dq is None else sample.dq[None]
-        force, flags = self._rows(np.array([sample.t]), sample.q[None], sample.current[None], dq)
-        self.flag = Flag(int(flags[0]))
-        current: FloatArray = force[0] / self.model.gain
+        flags, step = self._stamps.take(sample.t, sample.q, sample.current, sample.dq)
+        self.flag = Flag(flags)
+        if not flags & UNUSABLE:
+            self._last = self._advance(self._signal(sample, step))[0]
+        current: FloatArray = self._last / self.model.gain
         return current
 
     def run(self, log: JointLog) -> Residual:
@@ -142,6 +143,24 @@ class ModelBasedObserver(ABC):
         self._last = force[-1].copy()
         return force, flags
 
+    def _signal(self, sample: Sample, step: float) -> Signals:
+        """Signals of one usable sample: what ``_signals`` gives for a row, without the overhead of arrays of rows."""
+        n, q, dq, current = self.n, sample.q, sample.dq, sample.current
+        ddq = None
+        if self._filter is not None:
+            both = np.concatenate([q, current])
+            x, v, a = self._filter.step(sample.t, both, None if dq is None else np.concatenate([dq, np.zeros(n)]))
+            q, current, dq, ddq = x[:n], x[n:], v[:n], a[:n]
+        elif dq is None:
+            raise _no_velocity()
+        terms = self.model.robot.rigid_body.momentum_terms(q, dq, self._link_parameters)
+        drive = self.model.gain * current + terms.coriolis_transpose - terms.gravity
+        if self._slips:
+            motion = Motion(np.array([sample.t]), q[None], dq[None], np.zeros((1, n)) if ddq is None else ddq[None])
+            drive = drive - self.model.friction(motion, self._memories)[0]
+        momentum = terms.momentum + self._rotor_inertia * dq
+        return Signals(np.array([step]), momentum[None], drive[None], q[None])
+
     def _signals(
         self, t: FloatArray, q: FloatArray, current: FloatArray, dq: FloatArray | None, step: FloatArray
     ) -> Signals:
@@ -153,13 +172,17 @@ class ModelBasedObserver(ABC):
             # contiguous, as the compiled loops want them
             q, current, dq, ddq = x[:, :n].copy(), x[:, n:], v[:, :n].copy(), a[:, :n].copy()
         elif dq is None:
-            what = "an observer without filters needs measured velocities"
-            raise InputError(what, "observer", "give logs with dq, or filtered=True")
+            raise _no_velocity()
         terms = self.model.robot.rigid_body.momentum_terms(q, dq, self._link_parameters)
         drive = self.model.gain * current + terms.coriolis_transpose - terms.gravity
         if self._slips:
             drive -= self.model.friction(Motion(t, q, dq, ddq), self._memories)
         return Signals(step, terms.momentum + self._rotor_inertia * dq, drive, q)
+
+
+def _no_velocity() -> InputError:
+    what = "an observer without filters needs measured velocities"
+    return InputError(what, "observer", "give logs with dq, or filtered=True")
 
 
 def known_gain(model: CurrentModel) -> FloatArray | None:

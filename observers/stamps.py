@@ -45,6 +45,10 @@ class Stamps:
         _scan(t, finite, self._limits, self._clock, flags, step)
         return flags, step
 
+    def take(self, t: float, q: FloatArray, current: FloatArray, dq: FloatArray | None) -> tuple[int, float]:
+        """Flag one sample, the same as ``scan`` on a row, without its overhead."""
+        return _take(t, q, current, q if dq is None else dq, self._limits, self._clock)
+
 
 def usable(flags: IntArray) -> BoolArray:
     """Rows that carry a sample of their own, (N,)."""
@@ -53,30 +57,43 @@ def usable(flags: IntArray) -> BoolArray:
 
 
 @compiled
+def _judge(t: float, finite: bool, limits: FloatArray, clock: FloatArray) -> tuple[int, float]:
+    """``clock`` is [started, time of the last usable row, time of the start, whether an observer has started]."""
+    late, forget, settle = limits[0], limits[1], limits[2]
+    if not finite:
+        return _MISSING, -1.0
+    flags = 0
+    passed = t - clock[1]
+    if clock[0] == 0.0 or passed > forget:
+        if clock[0] != 0.0:
+            flags |= _GAP
+        clock[0], clock[2], clock[3] = 1.0, t, 0.0
+    elif passed <= 0.0:
+        return _REPEATED, -1.0
+    elif passed > late:
+        flags |= _GAP
+    clock[1] = t
+    if t - clock[2] < settle:
+        return flags | _SETTLING, -1.0
+    if clock[3] == 0.0:
+        clock[3] = 1.0
+        return flags, 0.0
+    return flags, passed
+
+
+@compiled
 def _scan(
     t: FloatArray, finite: BoolArray, limits: FloatArray, clock: FloatArray, flags: IntArray, step: FloatArray
 ) -> None:
-    """``clock`` is [started, time of the last usable row, time of the start, whether an observer has started]."""
-    late, forget, settle = limits[0], limits[1], limits[2]
     for k in range(len(t)):
-        flags[k], step[k] = 0, -1.0
-        if not finite[k]:
-            flags[k] = _MISSING
-            continue
-        passed = t[k] - clock[1]
-        if clock[0] == 0.0 or passed > forget:
-            if clock[0] != 0.0:
-                flags[k] |= _GAP
-            clock[0], clock[2], clock[3] = 1.0, t[k], 0.0
-        elif passed <= 0.0:
-            flags[k] = _REPEATED
-            continue
-        elif passed > late:
-            flags[k] |= _GAP
-        clock[1] = t[k]
-        if t[k] - clock[2] < settle:
-            flags[k] |= _SETTLING
-        elif clock[3] == 0.0:
-            clock[3], step[k] = 1.0, 0.0
-        else:
-            step[k] = passed
+        flags[k], step[k] = _judge(t[k], finite[k], limits, clock)
+
+
+@compiled
+def _take(
+    t: float, q: FloatArray, current: FloatArray, dq: FloatArray, limits: FloatArray, clock: FloatArray
+) -> tuple[int, float]:
+    finite = np.isfinite(t)
+    for j in range(len(q)):
+        finite &= np.isfinite(q[j]) and np.isfinite(current[j]) and np.isfinite(dq[j])
+    return _judge(t, finite, limits, clock)
