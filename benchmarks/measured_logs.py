@@ -13,7 +13,7 @@ import numpy as np
 import pinocchio
 
 from comparisons.predictions import errors_on
-from ident.identify import Identification, identify
+from ident.identification import Identification, identify
 from ident.log import JointLog, LogSource
 from ident.readers import open_log
 from ident.robot import Robot, load_robot

@@ -11,7 +11,7 @@ from comparisons.output import OutputDirectory
 from comparisons.progress import show_progress
 
 if TYPE_CHECKING:
-    from ident.identify import Identification
+    from ident.identification import Identification
 
 Many = Parameter(consume_multiple=True)
 
@@ -55,7 +55,7 @@ def identify_into(
     from comparisons.predictions import errors_on, write_predictions
     from comparisons.report.identification import identification_report
     from comparisons.report.provenance import provenance
-    from ident.identify import identify as identify_model
+    from ident.identification import identify as identify_model
     from ident.readers import open_logs
     from ident.robot import load_robot
 

@@ -124,7 +124,7 @@ def _physics(
             raise InputError(f"{method} stands on no model", "--model", "leave it out, or train a hybrid")
         return None
     if model is None:
-        from ident.identify import identify
+        from ident.identification import identify
 
         return identify(robot, logs, progress=progress).model
     from ident.model_file import load_model

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from ident.arrays import FloatArray
-    from ident.identify import Identification
+    from ident.identification import Identification
     from ident.log import JointLog, LogSource
     from ident.signals import Motion
 
