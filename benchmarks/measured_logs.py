@@ -54,8 +54,10 @@ def cases(folder: Path) -> Iterator[Case]:
     (folder / "emps.urdf").write_text(EMPS_URDF)
     mapping = '[log]\ntime = "t"\nposition = ["qm"]\ncurrent = ["vir"]\nscale = { current = 35.150651188248105 }\n'
     robot = card(folder, "emps", "emps.urdf", f'current_unit = "N"\n{mapping}')
-    log = open_log(DATA / "emps/DATA_EMPS.mat", robot)
-    yield Case("emps", robot, [log], [log])
+    free, pulses = (open_log(DATA / f"emps/DATA_EMPS{k}.mat", robot) for k in ("", "_PULSES"))
+    yield Case("emps", robot, [free], [free])
+    # The motor itself gives the pulses, so they are part of what the model has to predict.
+    yield Case("emps-pulses", robot, [free], [pulses])
 
     robot = card(folder, "ur10", URDFS / "ur_description/urdf/ur10_robot.urdf", 'current_unit = "N*m"\n')
     yield Case("ur10", robot, *split(open_log(DATA / "ur10_unisa/ur10_exciting_trajectory.db3", robot).read()))
