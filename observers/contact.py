@@ -16,6 +16,12 @@ from observers.thresholds import Threshold
 RELEASE = 0.7
 """Share of its threshold that a residual must fall below before the contact counts as ended."""
 
+ISOLATING = 0.4
+"""Share of its threshold by which a joint's residual must have changed in a contact for the joint to have felt it."""
+
+RECENT = 50.0
+"""Samples over which the residual before a contact is averaged."""
+
 COLLISION = 3.0
 """A collision is a residual of so many times the contact threshold, unless told otherwise."""
 
@@ -72,8 +78,10 @@ class ContactDetector:
     """Tells contact and collision by thresholds, and the link by who feels it.
 
     A push on a link is felt by its own joint and those before it, never by those behind it: the link pushed is that of
-    the last joint above its threshold (Haddadin et al. 2017). A push that has no lever about that joint is taken for
-    one nearer to the base. A joint once in contact stays so until it falls below `RELEASE` of its threshold.
+    the last joint that felt it (Haddadin et al. 2017). A joint felt it whose residual has changed since the contact by
+    `ISOLATING` of its threshold, which what the model lacks, and changes slowly, does not do. A push that has no lever
+    about that joint is taken for one nearer to the base, and no estimator can tell. A joint once in contact stays so
+    until it falls below `RELEASE` of its threshold.
 
     Attributes:
         contact: threshold of contact.
@@ -83,13 +91,16 @@ class ContactDetector:
     contact: Threshold
     collision: Threshold | None = None
     _touched: IntArray = field(init=False, repr=False)
+    _before: FloatArray = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
         self._touched = np.zeros(len(self.contact.constant), dtype=np.int64)
+        self._before = np.zeros(len(self._touched))
 
     def reset(self) -> None:
         """Forget contacts under way."""
         self._touched[:] = 0
+        self._before[:] = 0.0
 
     def step(
         self, residual: FloatArray, dq: FloatArray | None = None, ddq: FloatArray | None = None
@@ -115,21 +126,31 @@ class ContactDetector:
     def _scan(self, residual: FloatArray, dq: FloatArray, ddq: FloatArray) -> tuple[IntArray, IntArray, FloatArray]:
         contact = self.contact.at(dq, ddq)
         collision = COLLISION * contact if self.collision is None else self.collision.at(dq, ddq)
-        size = np.abs(residual)
         level, link = np.zeros(len(residual), dtype=np.int64), np.zeros(len(residual), dtype=np.int64)
-        _scan(size / contact, size / collision, RELEASE, self._touched, level, link)
-        return level, link, size / contact
+        _scan(residual, contact, collision, self._touched, self._before, level, link)
+        return level, link, np.abs(residual) / contact
 
 
 @compiled
 def _scan(
-    contact: FloatArray, collision: FloatArray, release: float, touched: IntArray, level: IntArray, link: IntArray
+    residual: FloatArray,
+    contact: FloatArray,
+    collision: FloatArray,
+    touched: IntArray,
+    before: FloatArray,
+    level: IntArray,
+    link: IntArray,
 ) -> None:
-    for k in range(len(contact)):
-        for j in range(contact.shape[1]):
-            if contact[k, j] > 1.0 or (touched[j] == 1 and contact[k, j] > release):
-                touched[j] = 1
-                level[k] = max(level[k], 2 if collision[k, j] > 1.0 else 1)
+    """Go on over rows; ``touched`` (n,) are the joints in contact, ``before`` (n,) their residuals before it."""
+    for k in range(len(residual)):
+        for j in range(residual.shape[1]):
+            size = abs(residual[k, j])
+            touched[j] = size > contact[k, j] or (touched[j] == 1 and size > RELEASE * contact[k, j])
+            if touched[j] == 1:
+                level[k] = max(level[k], 2 if size > collision[k, j] else 1)
                 link[k] = j + 1
-            else:
-                touched[j] = 0
+        for j in range(residual.shape[1]):
+            if level[k] == 0:
+                before[j] += (residual[k, j] - before[j]) / RECENT
+            elif abs(residual[k, j] - before[j]) > ISOLATING * contact[k, j]:
+                link[k] = max(link[k], j + 1)
