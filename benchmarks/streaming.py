@@ -96,7 +96,7 @@ def streamed(path: Path, robot: Robot, frames: int) -> tuple[Fit, float, float]:
 
 
 def plain_loop(log: JointLog, robot: Robot) -> tuple[FloatArray, float, float]:
-    """Identify as a short script would, one Pinocchio call a row and one dense QR of all rows; predict the same rows."""
+    """Identify as a short script would, a Pinocchio call a row and one dense QR of all rows, and predict them."""
     clock, cores = time.perf_counter(), time.process_time()
     motion, model = derive(log, CUTOFF), robot.multibody.model
     data, n = model.createData(), robot.n
