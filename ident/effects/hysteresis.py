@@ -59,9 +59,9 @@ def _slip_forces(z: FloatArray, slip: FloatArray, position: FloatArray) -> Float
     out = np.empty((len(z), len(slip)))
     for k in range(len(slip)):
         zeta = position[k]
-        if np.isnan(zeta) and len(z) > 0:
-            zeta = z[0]
         for t in range(len(z)):
+            if np.isnan(zeta):
+                zeta = z[t]
             stretch = z[t] - zeta
             if stretch >= slip[k]:
                 zeta, stretch = z[t] - slip[k], slip[k]
