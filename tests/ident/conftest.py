@@ -1,0 +1,51 @@
+"""Small motions and logs on which identification is tested."""
+
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+from scipy.signal import lfilter
+
+from ident.log import JointLog
+from ident.robot import Robot, load_robot
+from ident.signals import Motion
+
+GAIN = np.array([0.71, 0.81, 0.403, 0.112, 0.144, 0.076])  # [N m per %Use]
+
+
+@pytest.fixture(scope="session")
+def vs060() -> Robot:
+    return load_robot("vs060")
+
+
+@pytest.fixture(scope="session")
+def swinging() -> Callable[..., Motion]:
+    """Motion of sinusoids in every joint, exact derivatives."""
+
+    def move(seconds: float = 20.0, rate: float = 100.0, seed: int = 1, n: int = 6) -> Motion:
+        t = np.arange(round(seconds * rate)) / rate
+        speed = np.random.default_rng(seed).uniform(0.5, 2.0, (2, n))
+        parts = [(a, w, p) for a, w, p in zip((0.6, 0.3), speed, (1.0, 0.0), strict=True)]
+        q = sum(a * np.sin(w * t[:, None] + p) for a, w, p in parts)
+        dq = sum(a * w * np.cos(w * t[:, None] + p) for a, w, p in parts)
+        ddq = sum(-a * w**2 * np.sin(w * t[:, None] + p) for a, w, p in parts)
+        return Motion(t, q, dq, ddq)
+
+    return move
+
+
+@pytest.fixture(scope="session")
+def recorded(vs060: Robot, swinging: Callable[..., Motion]) -> Callable[..., JointLog]:
+    """Log of the built-in arm with Coulomb and viscous friction, an offset, and noise that lasts 0.1 s."""
+
+    def record(seconds: float = 20.0, seed: int = 1, noise: float = 0.2, extra: object = None) -> JointLog:
+        motion = swinging(seconds, seed=seed)
+        torque = vs060.rigid_body.inverse_dynamics(motion.q, motion.dq, motion.ddq, vs060.multibody.parameters)
+        white = np.random.default_rng(seed).normal(size=motion.q.shape)
+        coloured = lfilter([np.sqrt(1 - 0.9**2)], [1, -0.9], white, axis=0)
+        friction = 5.0 * np.tanh(motion.dq / 5e-3) + 3.0 * motion.dq + 1.0
+        added = 0.0 if extra is None else extra(motion)  # type: ignore[operator]
+        current = (torque + 0.05 * motion.ddq) / GAIN + friction + added + noise * coloured
+        return JointLog(motion.t, motion.q, current, name=f"log{seed}")
+
+    return record

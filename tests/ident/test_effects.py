@@ -1,0 +1,165 @@
+"""Every effect of the catalogue: its gradient, its memory, its units, what it takes the place of."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+from ident.effects import load_catalogue
+from ident.effects.base import Context, Effect, initial_term
+from ident.effects.friction import Coulomb, LoadFriction
+from ident.effects.hysteresis import MaxwellSlip
+from ident.effects.rigid_body import Links, RotorInertia
+from ident.errors import InputError
+from ident.model import NEWTON_METRE, CurrentModel
+from ident.robot import load_robot
+from ident.signals import Motion
+
+SLIDE = """<robot name="slide"><link name="a"/><link name="b"><inertial><mass value="2"/>
+<inertia ixx=".1" iyy=".1" izz=".1" ixy="0" ixz="0" iyz="0"/></inertial></link>
+<joint name="x" type="prismatic"><parent link="a"/><child link="b"/><axis xyz="1 0 0"/>
+<limit lower="-1" upper="1" velocity="1" effort="100"/></joint></robot>"""
+
+# Those made here for a test, or standing in for another effect's shapes, are no part of the catalogue.
+CATALOGUE = {name: kind for name, kind in load_catalogue().items() if kind.__module__.startswith("ident.effects.")}
+SHAPED = sorted(name for name, kind in CATALOGUE.items() if kind(1).shapes)
+
+
+@pytest.fixture(scope="module")
+def context(vs060, swinging):
+    motion = swinging(4.0)
+    # Stretches at rest, and slow ones, where friction does most of what it does.
+    rest = motion.q.copy(), motion.dq.copy(), motion.ddq.copy()
+    rest[0][100:140], rest[1][100:140], rest[2][100:140] = motion.q[100], 0.0, 0.0
+    motion = Motion(motion.t, *rest)
+    return Context(vs060, motion, np.random.default_rng(3).normal(size=motion.q.shape))
+
+
+def part(context, rows):
+    return Context(context.robot, context.motion[rows], context.load[rows])
+
+
+def test_the_catalogue_has_the_contracts_names():
+    assert {
+        "links", "rotor-inertia", "cable-spring", "coulomb", "viscous", "coulomb-asymmetry", "stribeck", "sigmoid",
+        "viscous-nonlinear", "load-friction", "maxwell-slip", "cross-joint-friction", "gear-ripple", "current-offset",
+    } <= set(CATALOGUE)  # fmt: skip
+    families = {"rigid-body", "friction", "hysteresis", "transmission", "electrical", "timing", "contact"}
+    assert {kind.family for kind in CATALOGUE.values()} <= families
+
+
+@pytest.mark.parametrize("name", SHAPED)
+@pytest.mark.parametrize("start", [0, -1])
+def test_gradients_are_central_differences(context, name, start):
+    effect = CATALOGUE[name](1)
+    shape = np.array([s.starts[start] for s in effect.shapes], dtype=float)
+    gradient = effect.gradient(context, shape)
+    assert gradient.shape == (len(shape), len(context.motion), len(effect.coefficients(context.robot)))
+    for s in range(len(shape)):
+        step = 1e-6 * max(abs(shape[s]), 1e-3)
+        sides = [
+            effect.columns(context, shape + sign * step * np.eye(len(shape))[s], effect.start()) for sign in (1, -1)
+        ]
+        slope = (sides[0] - sides[1]) / (2 * step)
+        # A Maxwell element that sticks at one step and slips at the other has no slope there.
+        smooth = np.abs(gradient[s] - slope) <= 1e-5 * np.abs(gradient[s]).max()
+        assert smooth.mean() > (0.99 if effect.family == "hysteresis" else 0.9999)
+
+
+@pytest.mark.parametrize("name", sorted(CATALOGUE))
+@pytest.mark.parametrize("size", [1, 7, 150])
+def test_memory_makes_blocks_as_good_as_the_whole(context, name, size):
+    effect = CATALOGUE[name](1)
+    shape = initial_term(effect).shape
+    whole = effect.columns(context, shape, effect.start())
+    memory = effect.start()
+    rows = range(0, len(context.motion), size)
+    pieces = [effect.columns(part(context, slice(k, k + size)), shape, memory) for k in rows]
+    np.testing.assert_allclose(np.concatenate(pieces), whole, rtol=1e-12, atol=1e-12)
+    assert whole.shape == (len(context.motion), len(effect.coefficients(context.robot)))
+    assert np.all(np.isfinite(whole))
+
+
+@pytest.mark.parametrize("name", sorted(CATALOGUE))
+def test_units_are_written_out_and_bounds_hold_the_starts(vs060, name):
+    effect = CATALOGUE[name](1)
+    for force_unit in (NEWTON_METRE, "%Use"):
+        model = CurrentModel(vs060, (initial_term(effect),), 5.0, 100.0, np.ones(6), force_unit)
+        units = [model.unit_of(effect, p) for p in (*effect.shapes, *effect.coefficients(vs060))]
+        assert all("{" not in unit and unit for unit in units)
+        if name in ("coulomb", "viscous", "maxwell-slip", "current-offset", "cable-spring"):
+            assert all(force_unit in unit for unit in units[len(effect.shapes) :])
+    for s in effect.shapes:
+        assert all(s.lower < start < s.upper for start in s.starts)
+        assert not s.log or s.lower > 0
+
+
+@pytest.mark.parametrize("name", sorted(CATALOGUE))
+def test_what_an_effect_replaces_exists_in_its_family(name):
+    for replaced in CATALOGUE[name].replaces:
+        assert replaced in CATALOGUE
+        assert replaced != name
+
+
+def test_units_on_a_prismatic_axis(tmp_path):
+    (tmp_path / "slide.urdf").write_text(SLIDE)
+    (tmp_path / "robot.toml").write_text('name = "slide"\nurdf = "slide.urdf"\ncurrent_unit = "A"\n')
+    robot = load_robot(tmp_path / "robot.toml")
+    effect = RotorInertia(0)
+    for force, unit in ((NEWTON_METRE, "N s^2/m"), ("A", "A s^2/m")):
+        model = CurrentModel(robot, (), 5.0, 100.0, np.ones(1), force)
+        assert model.unit_of(effect, effect.coefficients(robot)[0]) == unit
+
+
+def test_links_of_one_row_are_those_of_the_robot(vs060, context):
+    shared = Links(None).columns(context, np.zeros(0), np.zeros(0))
+    base = vs060.rigid_body.base_parameters()
+    torque = shared @ (base.projection @ vs060.multibody.parameters)
+    for joint in range(6):
+        own = Links(joint).base(vs060)
+        row = Links(joint).columns(context, np.zeros(0), np.zeros(0)) @ (own.projection @ vs060.multibody.parameters)
+        np.testing.assert_allclose(row, torque[:, joint], atol=1e-4)
+
+
+def test_maxwell_elements_stick_slip_and_remember(vs060):
+    q = np.zeros((5, 6))
+    q[:, 2] = [0.0, 5e-4, 2e-3, 1.5e-3, 1.5e-3]
+    still = np.zeros_like(q)
+    context = Context(vs060, Motion(np.arange(5.0), q, still, still))
+    effect = MaxwellSlip(2, spread=(1.0,))
+    force = effect.columns(context, np.array([1e-3]), effect.start())[:, 0]
+    np.testing.assert_allclose(force, [0.0, 0.5, 1.0, 0.5, 0.5])
+
+
+def test_maxwell_elements_pass_over_an_unknown_position(vs060):
+    q = np.full((4, 6), np.nan)
+    q[1:, 0] = [0.0, 5e-4, 2e-3]
+    still = np.zeros_like(q)
+    context = Context(vs060, Motion(np.arange(4.0), q, still, still))
+    effect = MaxwellSlip(0, spread=(1.0,))
+    force = effect.columns(context, np.array([1e-3]), effect.start())[:, 0]
+    np.testing.assert_allclose(force, [np.nan, 0.0, 0.5, 1.0])
+
+
+def test_wrong_uses_are_refused(context):
+    with pytest.raises(InputError, match="load"):
+        LoadFriction(0).columns(dataclasses.replace(context, load=None), np.zeros(0), np.zeros(0))
+    with pytest.raises(InputError, match="it needs a joint, effect coulomb"):
+        Coulomb(None).columns(context, np.zeros(0), np.zeros(0))
+
+
+def test_a_subclass_with_a_name_enters_the_catalogue():
+    class Quadratic(Effect):
+        """Friction with the square of speed."""
+
+        name = "test-quadratic"
+        family = "friction"
+
+        def coefficients(self, robot):
+            return ()
+
+        def columns(self, context, shape, memory):
+            return np.zeros((len(context.motion), 0))
+
+    assert load_catalogue()["test-quadratic"] is Quadratic
+    del Effect.catalogue["test-quadratic"]
