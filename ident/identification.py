@@ -11,7 +11,7 @@ import numpy as np
 from threadpoolctl import threadpool_limits
 
 from ident.arrays import FloatArray
-from ident.drive_gain import GainEstimate, shared_gains
+from ident.drive_gain import GainEstimate, gains_from_payload, shared_gains
 from ident.effects import load_catalogue
 from ident.effects.base import Effect
 from ident.effects.electrical import CurrentOffset
@@ -24,13 +24,14 @@ from ident.log import JointLog, LogSource, concatenate
 from ident.model import NEWTON_METRE, CurrentModel
 from ident.model_file import save_model
 from ident.parameters import Parameter, list_parameters
+from ident.payload import Payload
 from ident.robot import Robot
 from ident.signals import CutoffChoice, choose_cutoff
 from ident.structure import Structure, choose_structure
 from ident.urdf_export import write_urdf
 from ident.walk import Block, collect
 
-Gains = Literal["known", "shared", "per-joint"]
+Gains = Literal["known", "shared", "per-joint", "payload"]
 Progress = Callable[[str, float], None]
 
 CUTOFF_ROWS = 100_000
@@ -43,6 +44,14 @@ URDF = "identified.urdf"
 
 
 @dataclass(frozen=True, eq=False)
+class PayloadLogs:
+    """Logs of the robot carrying a known payload, which fix the scale of its drive gains."""
+
+    payload: Payload
+    logs: Sequence[LogSource]
+
+
+@dataclass(frozen=True, eq=False)
 class Identification:
     """What was identified from a robot's logs.
 
@@ -50,7 +59,7 @@ class Identification:
         model: the current model.
         fit: the regression behind it.
         gains: how drive gains were treated.
-        gain_estimate: relative gains with intervals, where they were estimated.
+        gain_estimate: gains with intervals, where they were estimated.
         cutoff: cut-off of the derivatives' filter and why.
         structure: which effects each joint got and what was tried; None where the caller named the effects.
         feasible: the nearest physically feasible parameters; None where there is no one body behind the rows.
@@ -94,6 +103,7 @@ class Identification:
                 for j in range(self.model.n)
             },
             "warnings": list(self.warnings),
+            **({"gain_interval": _gain_intervals(self.gain_estimate)} if self.gain_estimate is not None else {}),
             **({"feasible": _feasible_result(self.feasible)} if self.feasible is not None else {}),
         }
 
@@ -106,6 +116,7 @@ def identify(
     gains: Gains | None = None,
     effects: Sequence[str] | None = None,
     robust: bool = False,
+    loaded: PayloadLogs | None = None,
     progress: Progress | None = None,
 ) -> Identification:
     """Identify a robot's current model from logs of free motion.
@@ -115,11 +126,13 @@ def identify(
         train: logs, the robot touching nothing.
         cutoff: cut-off [Hz] of the filter that derives velocity and acceleration; chosen from the logs unless given.
         gains: ``known``: as the card says; ``shared``: relative gains are estimated together with links that all
-            joints share; ``per-joint``: every joint's row has link parameters of its own, in units of its current.
-            By default known where the card knows them, else per joint.
+            joints share; ``per-joint``: every joint's row has link parameters of its own, in units of its current;
+            ``payload``: from the same motion without (``train``) and with a known payload (``loaded``). By default
+            payload where such logs are given, known where the card knows them, else per joint.
         effects: names of the effects every joint gets besides links, rotor and offset; by default Coulomb and viscous
             friction and what predicts held-out logs better.
         robust: weight rows by Huber's function, against contacts and outliers.
+        loaded: logs with a known payload; they serve the gains alone.
         progress: told what is being done and the share of it that is done.
 
     Raises:
@@ -129,7 +142,7 @@ def identify(
         raise InputError("no log to identify from", "--train", "give at least one log")
     # The matrices are narrow: BLAS threads would only wait for one another.
     with threadpool_limits(1, "blas"):
-        return _identify(robot, train, cutoff, gains, effects, robust, progress)
+        return _identify(robot, train, cutoff, gains, effects, robust, loaded, progress)
 
 
 def _identify(
@@ -139,6 +152,7 @@ def _identify(
     gains: Gains | None,
     effects: Sequence[str] | None,
     robust: bool,
+    loaded: PayloadLogs | None,
     progress: Progress | None,
 ) -> Identification:
     tell = progress or (lambda what, share: None)
@@ -148,8 +162,8 @@ def _identify(
         where = ", ".join(source.name for source in train)
         raise InputError(f"too short for a cut-off of {chosen.hertz:.3g} Hz", where, "give longer logs")
     still = _still_joints(held)
-    gains = gains or ("known" if robot.gain is not None else "per-joint")
-    drives, estimate = _drives(robot, gains, train, chosen.hertz)
+    gains = gains or ("payload" if loaded is not None else "known" if robot.gain is not None else "per-joint")
+    drives, estimate = _drives(robot, gains, train, loaded, chosen.hertz)
     smoothing = _smoothing(held, chosen.hertz)
     baseline = _baseline(robot, gains, smoothing, still)
     structure: Structure | None = None
@@ -163,7 +177,7 @@ def _identify(
         used = _named(robot, gains, effects, smoothing, still)
     found = fit(robot, used, train, chosen.hertz, drives, robust, lambda share: tell("fitting", share))
     feasible, trouble = _feasible(robot, found, gains)
-    warnings = [*_sign_warnings(found.model, held), *_still_warnings(robot, still), *trouble]
+    warnings = [*_sign_warnings(found.model, held), *_still_warnings(robot, still), *_open_gains(estimate), *trouble]
     return Identification(found.model, found, gains, estimate, chosen, structure, feasible, tuple(warnings))
 
 
@@ -176,12 +190,17 @@ def _choose_cutoff(sources: Sequence[LogSource]) -> CutoffChoice:
 
 
 def _drives(
-    robot: Robot, gains: Gains, train: Sequence[LogSource], cutoff: float
+    robot: Robot, gains: Gains, train: Sequence[LogSource], loaded: PayloadLogs | None, cutoff: float
 ) -> tuple[Drives, GainEstimate | None]:
     if gains == "known":
         if robot.gain is None:
             raise InputError("the drive gains are not known", robot.name, "set [drive] gain, or leave --gains out")
         return Drives(robot.gain, NEWTON_METRE), None
+    if gains == "payload":
+        if loaded is None:
+            raise InputError("no logs with a payload", "--gains payload", "give --payload-train and --payload-mass")
+        estimate = gains_from_payload(robot, train, loaded.logs, loaded.payload, cutoff, nominal=robot.gain)
+        return Drives(estimate.value, NEWTON_METRE), estimate
     if gains == "shared":
         estimate = shared_gains(robot, train, cutoff)
         return Drives(estimate.value, f"relative {NEWTON_METRE}"), estimate
@@ -239,6 +258,16 @@ def _still_warnings(robot: Robot, still: Sequence[int]) -> list[str]:
     ]
 
 
+def _open_gains(estimate: GainEstimate | None) -> list[str]:
+    if estimate is None:
+        return []
+    return [
+        f"Joint {j + 1}: the logs leave its drive gain open, {estimate.reason[j]}; its forces in N m rest on a "
+        f"gain between {estimate.low[j]:.3g} and {estimate.high[j]:.3g}."
+        for j in np.flatnonzero(estimate.open)
+    ]
+
+
 def _sign_warnings(model: CurrentModel, held: Sequence[Block]) -> list[str]:
     """Name joints whose friction would drive the motion: the sign of their current or position is flipped."""
     power = np.zeros(model.n)
@@ -255,11 +284,16 @@ def _sign_warnings(model: CurrentModel, held: Sequence[Block]) -> list[str]:
 def _feasible(robot: Robot, found: Fit, gains: Gains) -> tuple[Feasible | None, list[str]]:
     if gains == "per-joint":
         return None, []
-    prior = robot.multibody.parameters if gains == "known" else None
+    prior = None if gains == "shared" else robot.multibody.parameters
     try:
         return feasible_parameters(found.design, found.factors, found.solution, prior), []
     except SolverFailure as failure:
         return None, [f"No physically feasible parameters were found: {failure}"]
+
+
+def _gain_intervals(estimate: GainEstimate) -> list[dict[str, Any]]:
+    ends = zip(estimate.low.tolist(), estimate.high.tolist(), estimate.open.tolist(), strict=True)
+    return [{"low": low, "high": high, "open": is_open} for low, high, is_open in ends]
 
 
 def _feasible_result(feasible: Feasible) -> dict[str, Any]:
@@ -272,4 +306,4 @@ def _feasible_result(feasible: Feasible) -> dict[str, Any]:
     }
 
 
-__all__ = ["Gains", "Identification", "identify"]
+__all__ = ["Gains", "Identification", "PayloadLogs", "identify"]

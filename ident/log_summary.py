@@ -86,19 +86,22 @@ class LogSummary:
                 row.append("-" if np.isnan(lag) else f"{1e3 * lag:.1f} ms")
         return header, rows
 
+    def headline(self) -> str:
+        """Return its length, rate and regularity in one line."""
+        return (
+            f"{self.name}: {self.rows} rows, {self.duration:.2f} s in {self.segments} segment"
+            f"{'s' if self.segments != 1 else ''}, {self.rate:.2f} Hz, jitter {1e3 * self.jitter:.3g} ms, "
+            f"longest step {1e3 * self.longest_step:.3g} ms, {self.gaps} gaps, {self.repeated} repeated rows"
+        )
+
     def __str__(self) -> str:
         header, rows = self.table()
         widths = [max(map(len, column)) for column in zip(header, *rows, strict=True)]
         lines = [
             "  ".join(text.rjust(width) for text, width in zip(row, widths, strict=True)) for row in [header, *rows]
         ]
-        facts = (
-            f"{self.name}: {self.rows} rows, {self.duration:.2f} s in {self.segments} segment"
-            f"{'s' if self.segments != 1 else ''}, {self.rate:.2f} Hz, jitter {1e3 * self.jitter:.3g} ms, "
-            f"longest step {1e3 * self.longest_step:.3g} ms, {self.gaps} gaps, {self.repeated} repeated rows"
-        )
         still = f"\nnever moving: joint {', '.join(map(str, self.never_moves))}" if self.never_moves else ""
-        return "\n".join([facts, *lines]) + still
+        return "\n".join([self.headline(), *lines]) + still
 
 
 def summarise(log: JointLog, limits: JointLimits | None = None) -> LogSummary:

@@ -9,6 +9,7 @@ from cyclopts import Parameter
 
 from comparisons.output import OutputDirectory
 from comparisons.progress import show_progress
+from ident.errors import InputError
 
 if TYPE_CHECKING:
     from ident.identification import Identification
@@ -24,9 +25,13 @@ def identify(
     test: Annotated[list[str] | None, Many] = None,
     out: Path,
     cutoff: float | None = None,
-    gains: Literal["known", "shared", "per-joint"] | None = None,
+    gains: Literal["known", "shared", "per-joint", "payload"] | None = None,
     effects: Annotated[list[str] | None, Many] = None,
     robust: bool = False,
+    payload_train: Annotated[list[str] | None, Many] = None,
+    payload_mass: float | None = None,
+    payload_com: tuple[float, float, float] = (0.0, 0.0, 0.0),
+    payload_frame: str | None = None,
 ) -> None:
     """Identify a robot's current model from its logs.
 
@@ -36,11 +41,21 @@ def identify(
         test: logs that play no part in the fit and are predicted.
         out: directory for result.json, report.html, the model and the predictions.
         cutoff: of the filter that derives velocity and acceleration [Hz]; chosen from the logs unless given.
-        gains: how drive gains are treated; known where the card gives them, else per joint.
+        gains: how drive gains are treated; from the payload where one is given, known where the card gives them, else
+            per joint.
         effects: names of the effects every joint gets, instead of those that predict held-out logs best.
         robust: give less weight to outliers and contacts.
+        payload_train: logs of the training motion with a known payload, to find the drive gains.
+        payload_mass: its mass [kg].
+        payload_com: its centre of mass in the payload frame [m].
+        payload_frame: frame that carries it, by its URDF name; the last joint's unless given.
     """
-    options = {"cutoff": cutoff, "gains": gains, "effects": effects, "robust": robust}
+    options: dict[str, Any] = {"cutoff": cutoff, "gains": gains, "effects": effects, "robust": robust}
+    if (payload_train is None) != (payload_mass is None):
+        what = "payload logs and payload mass go together"
+        raise InputError(what, "--payload-train", "give --payload-train and --payload-mass, or neither")
+    if payload_train is not None:
+        options["payload"] = (payload_train, payload_mass, payload_com, payload_frame)
     with OutputDirectory(out, "identify") as output:
         found = identify_into(output, robot, train, test, options)
     for warning in found.warnings:
@@ -55,13 +70,18 @@ def identify_into(
     from comparisons.predictions import errors_on, write_predictions
     from comparisons.report.identification import identification_report
     from comparisons.report.provenance import provenance
+    from ident.identification import PayloadLogs
     from ident.identification import identify as identify_model
+    from ident.payload import Payload
     from ident.readers import open_logs
     from ident.robot import load_robot
 
     loaded = load_robot(robot)
     # An option given without values is a mistake that open_logs names; an option not given is none.
     logs, held_out = open_logs(train, loaded), [] if test is None else open_logs(test, loaded)
+    if "payload" in options:
+        patterns, mass, com, frame = options.pop("payload")
+        options["loaded"] = PayloadLogs(Payload(mass, com, frame=frame), open_logs(patterns, loaded))
     with show_progress() as progress:
         found = identify_model(loaded, logs, progress=progress, **options)
         progress("predicting", 0.0)
@@ -73,6 +93,6 @@ def identify_into(
     note = provenance([*train, *(test or [])])
     figures = {part: e.as_dict() for part, e in errors.items()}
     output.result({**found.result(), **figures, "provenance": note.to_dict()})
-    report = identification_report(found, figures, (held_out or logs)[0], note)
+    report = identification_report(found, figures, logs, held_out, note)
     report.write(output.path / "report.html")
     return found

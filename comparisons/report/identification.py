@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -22,16 +22,23 @@ if TYPE_CHECKING:
 SHOWN_ROWS = 20_000
 """Rows of the first test log that are plotted."""
 
+SUMMARISED, SUMMARY_ROWS = 6, 200_000
+"""Logs that are summarised, and the rows of each."""
+
 
 def identification_report(
-    found: Identification, figures: Mapping[str, Mapping[str, Any]], shown: LogSource, note: Provenance
+    found: Identification,
+    figures: Mapping[str, Mapping[str, Any]],
+    train: Sequence[LogSource],
+    test: Sequence[LogSource],
+    note: Provenance,
 ) -> Report:
     """Report an identification.
 
     Args:
         found: what was identified.
         figures: errors on ``train`` and, where there is one, ``test``, as result.json holds them.
-        shown: log whose beginning is plotted.
+        train, test: the logs; the beginning of the first test log, or else of the first training log, is plotted.
         note: the run behind it.
     """
     part = "test" if "test" in figures else "train"
@@ -39,9 +46,12 @@ def identification_report(
     robot = found.model.robot
     summary = f"The model leaves {overall:.1f} % of the measured current unexplained on the {part} logs."
     report = Report(f"Identification of {robot.name}", summary)
+    if found.warnings:
+        report.section("Warnings")
     for warning in found.warnings:
-        report.text(f"Warning: {warning}")
+        report.text(warning)
     _errors(report, found, figures)
+    shown = [*test, *train][0]
     log, predicted = next(found.model.predict_blocks(shown))
     log, predicted = log[:SHOWN_ROWS], predicted[:SHOWN_ROWS]
     report.section("Measured and predicted")
@@ -50,6 +60,7 @@ def identification_report(
     _parameters(report, found)
     _structure(report, found)
     _method(report, found)
+    _logs(report, found, [*train, *test])
     return report.provenance(note)
 
 
@@ -164,6 +175,7 @@ def _method(report: Report, found: Identification) -> None:
     gains = {
         "known": "Drive gains are the card's; forces are in N m (N).",
         "shared": "Relative drive gains were estimated together with links that all joints share.",
+        "payload": "Drive gains come from logs without and with a known payload; forces are in N m (N).",
         "per-joint": "Drive gains are unknown: every joint has link parameters of its own, in units of its current.",
     }
     report.text(gains[found.gains])
@@ -172,10 +184,24 @@ def _method(report: Report, found: Identification) -> None:
         rows = [
             [j + 1, estimate.value[j], estimate.low[j], estimate.high[j], estimate.reason[j]] for j in range(model.n)
         ]
-        report.table(["joint", "relative gain", "from", "to", "open because"], rows, "Geometric mean one")
+        unit = f"{model.force_unit} per {model.unit}"
+        report.table(["joint", f"gain [{unit}]", "from", "to", "open because"], rows, "Drive gains, 95 % intervals")
     if found.feasible is not None:
         rise = found.feasible.preferred.overall_rise
         report.text(
             f"`identified.urdf` holds the physically feasible parameters nearest to the fit (prior: "
             f"{found.feasible.prior}). Feasibility raises the residual by {rise:.2g} %."
         )
+
+
+def _logs(report: Report, found: Identification, sources: Sequence[LogSource]) -> None:
+    from ident.log_summary import summarise
+
+    report.section("Logs")
+    for source in sources[:SUMMARISED]:
+        log = next(source.blocks(SUMMARY_ROWS))
+        cut = f" (first {len(log)} rows)" if len(log) == SUMMARY_ROWS else ""
+        summary = summarise(log, found.model.robot.limits)
+        report.table(*summary.table(), summary.headline() + cut)
+    if len(sources) > SUMMARISED:
+        report.text(f"{len(sources) - SUMMARISED} more logs are not shown.")

@@ -52,14 +52,16 @@ def gap(model: ClearanceModel, span: FloatArray) -> ca.Function | None:
     """Smooth least gap over all pairs beyond their clearance [m], as a function of q (n, 1); None without pairs.
 
     Each pair's gap between balls is shifted by how much it falls short of the bodies' own distance where they are
-    near, over random poses in ``span`` (2, n).
+    near, over random poses in ``span`` (2, n). Pairs built close are left to the verification: their gap is small in
+    every pose, and a smooth minimum over several such gaps is below zero everywhere.
     """
-    if not model.watched():
+    roomy = np.flatnonzero(model.wanted >= model.surroundings.clearance)
+    if not len(roomy):
         return None
     q = ca.SX.sym("q", model.multibody.n)
     gaps = _pair_gaps(model, q)
     shift = _shift(model, ca.Function("gaps", [q], [gaps], {"cse": True}), span)
-    beyond = gaps + ca.DM(shift - model.wanted)
+    beyond = (gaps + ca.DM(shift - model.wanted))[roomy.tolist()]
     least = ca.mmin(beyond)
     smooth = least - ca.log(ca.sum1(ca.exp(-SHARPNESS * (beyond - least)))) / SHARPNESS
     return ca.Function("gap", [q], [smooth], {"cse": True})
