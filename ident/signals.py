@@ -77,7 +77,7 @@ def zero_phase(x: FloatArray, rate: float, cutoff: float, order: int = 3) -> Flo
         return np.full(x.shape, np.nan)
     warped = np.tan(np.pi * cutoff / rate) * (np.sqrt(2.0) - 1.0) ** (-0.5 / order)
     sections = scipy.signal.butter(order, 2.0 / np.pi * np.arctan(warped), output="sos")
-    period = max(2 * (order + 1), int(np.ceil(rate / cutoff)))
+    period = max(2 * (order + 1), _period(rate, cutoff))
     before, after = _continuation(x[:period][::-1])[::-1], _continuation(x[-period:])
     padded = np.concatenate([before, x, after])
     filtered: FloatArray = scipy.signal.sosfiltfilt(sections, padded, axis=0, padlen=period)
@@ -98,7 +98,12 @@ def _continuation(end: FloatArray) -> FloatArray:
 
 def shortest(rate: float, cutoff: float, order: int = 3) -> int:
     """Fewest rows that ``zero_phase`` filters: a period of the cut-off, and enough to pad the ends."""
-    return max(3 * (order + 1) + 1, int(np.ceil(rate / cutoff)))
+    return max(3 * (order + 1) + 1, _period(rate, cutoff))
+
+
+def _period(rate: float, cutoff: float) -> int:
+    """Rows in a period of the cut-off; the same for all pieces of a log, whose rates differ by rounding and jitter."""
+    return int(np.ceil(rate / cutoff - 0.01))
 
 
 def differentiate(t: FloatArray, x: FloatArray) -> FloatArray:

@@ -110,17 +110,24 @@ def _walk_segment(blocks: Iterator[tuple[JointLog, bool]], cutoff: float) -> Ite
     first = True
     for block, last in blocks:
         window = block if window is None else _join(window, block)
-        margin = math.ceil(MARGIN_PERIODS * window.rate / cutoff) if len(window) > 1 else 0
+        # A single row has no rate: it waits for more, or is a segment of its own.
+        margin = math.ceil(MARGIN_PERIODS * window.rate / cutoff) if len(window) > 1 else 1
         end = len(window) if last else len(window) - margin
         if end <= begun:
             continue
-        motion = derive(window, cutoff)
+        motion = derive(window, cutoff) if len(window) > 1 else _unknown(window)
         rows = slice(begun, end)
         keep = np.isfinite(motion.ddq).all(axis=1) & _settled(window, cutoff, first, last)
         yield Block(window[rows], motion[rows], first, keep[rows])
         first = False
         start = max(0, end - margin)
         window, begun = window[start:], end - start
+
+
+def _unknown(row: JointLog) -> Motion:
+    """Motion of a row of which nothing is known but where it is."""
+    nothing = np.full(row.q.shape, np.nan)
+    return Motion(row.t, row.q, nothing, nothing)
 
 
 def _settled(window: JointLog, cutoff: float, first: bool, last: bool) -> BoolArray:
