@@ -32,6 +32,9 @@ GAIN = 0.01
 QUIET = 4.0
 """Current is compared up to this many times the cut-off of the motion."""
 
+REST_SPEED, RESTS = 5e-3, 0.1
+"""A joint slower than this [rad/s or m/s] stands still, and is seen at rest if it does so for this share of the rows."""
+
 ROUNDS = 5
 FOLDS = 3
 
@@ -85,9 +88,12 @@ def choose_structure(
     effects = list(baseline)
     choices: list[Choice] = []
     open_joints = list(range(robot.n))
+    resting = _rest_share(blocks) > RESTS
     for number in range(ROUNDS):
         fits = [_Held.of(robot, effects, fold, cutoff, drives) for fold in folds]
-        grown = Parallel(n_jobs=-1, prefer="threads")(delayed(_grow)(robot, effects, j, fits) for j in open_joints)
+        grown = Parallel(n_jobs=-1, prefer="threads")(
+            delayed(_grow)(robot, effects, j, fits, bool(resting[j])) for j in open_joints
+        )
         open_joints = []
         for joint, (own, choice) in [found for found in grown if found is not None]:
             choices.append(choice)
@@ -101,6 +107,13 @@ def choose_structure(
     return Structure(tuple(effects), tuple(choices), described)
 
 
+def _rest_share(blocks: Sequence[Block]) -> FloatArray:
+    """Share of the kept rows in which each joint stands still."""
+    speeds = np.concatenate([np.abs(block.motion.dq[block.keep]) for block in blocks])
+    share: FloatArray = np.mean(speeds < REST_SPEED, axis=0)
+    return share
+
+
 def _quiet(block: Block, cutoff: float) -> Block:
     """Take from the current the noise that no friction term could explain, well above the motion's own band."""
     rate = block.log.rate if len(block.log) > 1 else 0.0
@@ -111,15 +124,16 @@ def _quiet(block: Block, cutoff: float) -> Block:
     return replace(block, log=block.log.replace(current=current), keep=keep)
 
 
-def candidates(robot: Robot, own: Sequence[Effect], joint: int) -> list[Effect]:
-    """Friction effects that a joint may still take, given those it has."""
+def candidates(robot: Robot, own: Sequence[Effect], joint: int, rests: bool = True) -> list[Effect]:
+    """Friction effects that a joint may still take, given those it has, and whether the logs show it at rest."""
     smoothing = next((effect.smoothing for effect in own if hasattr(effect, "smoothing")), None)
     if smoothing is None:
         return []
     present = {effect.name for effect in own}
-    possible: list[Effect] = [
-        kind(joint, smoothing) for kind in (CoulombAsymmetry, Stribeck, Sigmoid, ViscousNonlinear, LoadFriction)
-    ]
+    possible: list[Effect] = [kind(joint, smoothing) for kind in (Stribeck, Sigmoid, ViscousNonlinear, LoadFriction)]
+    if rests:
+        # A joint that only moves cannot tell an asymmetry from its offset, and would be wrong at rest.
+        possible.append(CoulombAsymmetry(joint, smoothing))
     possible += [MaxwellSlip(joint), CableSpring(joint)]
     if not robot.multibody.prismatic[joint]:
         possible.append(GearRipple(joint))
@@ -215,13 +229,13 @@ class _Held:
 
 
 def _grow(
-    robot: Robot, effects: Sequence[Effect], joint: int, fits: Sequence[_Held]
+    robot: Robot, effects: Sequence[Effect], joint: int, fits: Sequence[_Held], rests: bool
 ) -> tuple[int, tuple[list[Effect], Choice]] | None:
     """The candidate that lowers a joint's held-out residual most, with the joint's effects when it is in."""
     own = [effect for effect in effects if effect.joint == joint]
     before = np.array([held.error(joint, own) for held in fits])
     best: tuple[list[Effect], Choice] | None = None
-    for candidate in candidates(robot, own, joint):
+    for candidate in candidates(robot, own, joint, rests):
         grown = [effect for effect in own if effect.name not in candidate.replaces] + [candidate]
         after = np.array([held.error(joint, grown) for held in fits])
         share = 1.0 - after / np.maximum(before, 1e-300)
