@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -14,6 +14,7 @@ from ident.errors import InputError
 from ident.log import JointLog, Sample
 from ident.model import NEWTON_METRE, CurrentModel
 from ident.signals import Motion
+from observers.drive import drive_row
 from observers.residual import UNUSABLE, Flag, Residual, hold
 from observers.stamps import Stamps, usable
 
@@ -27,8 +28,7 @@ ROWS = 65536
 """Rows taken at once, which bound the memory of a run."""
 
 
-@dataclass(frozen=True, eq=False)
-class Signals:
+class Signals(NamedTuple):
     """What momentum observers live on, at N usable samples, in force units (current units where gains are unknown).
 
     Attributes:
@@ -70,7 +70,13 @@ class ModelBasedObserver(ABC):
         self._link_parameters, self._rotor_inertia = model.link_parameters, model.rotor_inertia
         # the model's other effects are asked only where there are any
         self._slips = any(not isinstance(term.effect, (Links, RotorInertia)) for term in model.terms)
-        self.flag = Flag.GOOD
+        # the compiled loop itself and what does not change: its checks cost more than its work
+        body = model.robot.rigid_body
+        self._fixed = (body._chain, body.multibody.gravity, self._link_parameters, self._rotor_inertia, model.gain)
+        self._room = (np.empty((1, 3, model.n)), np.empty((1, model.n)), np.empty((1, model.n)))
+        self._step, self._still = np.empty(1), np.zeros(model.n)
+        self._shape, self._drive_gain = (model.n,), model.gain
+        self._flag = 0
         self.reset()
 
     @property
@@ -82,6 +88,11 @@ class ModelBasedObserver(ABC):
     def unit(self) -> str:
         """Unit of the residual current."""
         return self.model.unit
+
+    @property
+    def flag(self) -> Flag:
+        """What was the matter with the last sample."""
+        return Flag(self._flag)
 
     def reset(self) -> None:
         """Forget all memory, as at the start of a log or segment."""
@@ -95,13 +106,16 @@ class ModelBasedObserver(ABC):
         """Take one sample and return the residual current (n,).
 
         Raises:
-            InputError: the observer does not filter and the sample has no ``dq``.
+            InputError: the sample has another number of joints, or no ``dq`` where the observer does not filter.
         """
+        if sample.q.shape != self._shape or sample.current.shape != self._shape:
+            what = f"positions of shape {sample.q.shape} and currents of shape {sample.current.shape}"
+            raise InputError(what, "sample", f"give {self.n} values, one a joint")
         flags, step = self._stamps.take(sample.t, sample.q, sample.current, sample.dq)
-        self.flag = Flag(flags)
+        self._flag = flags
         if not flags & UNUSABLE:
             self._last = self._advance(self._signal(sample, step))[0]
-        current: FloatArray = self._last / self.model.gain
+        current: FloatArray = self._last / self._drive_gain
         return current
 
     def run(self, log: JointLog) -> Residual:
@@ -145,21 +159,23 @@ class ModelBasedObserver(ABC):
 
     def _signal(self, sample: Sample, step: float) -> Signals:
         """Signals of one usable sample: what ``_signals`` gives for a row, without the overhead of arrays of rows."""
-        n, q, dq, current = self.n, sample.q, sample.dq, sample.current
+        q, dq, current = sample.q, sample.dq, sample.current
         ddq = None
         if self._filter is not None:
             both = np.concatenate([q, current])
-            x, v, a = self._filter.step(sample.t, both, None if dq is None else np.concatenate([dq, np.zeros(n)]))
+            x, v, a = self._filter.step(sample.t, both, None if dq is None else np.concatenate([dq, self._still]))
+            n = len(q)
             q, current, dq, ddq = x[:n], x[n:], v[:n], a[:n]
         elif dq is None:
             raise _no_velocity()
-        terms = self.model.robot.rigid_body.momentum_terms(q, dq, self._link_parameters)
-        drive = self.model.gain * current + terms.coriolis_transpose - terms.gravity
+        row = q[None]
+        self._step[0] = step
+        drive_row(*self._fixed, row, dq[None], current, *self._room)
+        _, momentum, drive = self._room
         if self._slips:
-            motion = Motion(np.array([sample.t]), q[None], dq[None], np.zeros((1, n)) if ddq is None else ddq[None])
-            drive = drive - self.model.friction(motion, self._memories)[0]
-        momentum = terms.momentum + self._rotor_inertia * dq
-        return Signals(np.array([step]), momentum[None], drive[None], q[None])
+            motion = Motion(np.array([sample.t]), q[None], dq[None], self._still[None] if ddq is None else ddq[None])
+            drive -= self.model.friction(motion, self._memories)
+        return Signals(self._step, momentum, drive, row)
 
     def _signals(
         self, t: FloatArray, q: FloatArray, current: FloatArray, dq: FloatArray | None, step: FloatArray
