@@ -33,8 +33,8 @@ def measure_noise(model: CurrentModel, logs: Iterable[JointLog], filtered: bool 
     """Measure the noise of current and position, and map it through the model.
 
     Noise is what third differences show, which smooth motion leaves alone. The current's becomes force by the gain;
-    the position's (or the reported velocity's) becomes velocity by the model's filter and momentum by the inertia of
-    each joint, at the middle of the first log.
+    the position's (or the reported velocity's) becomes velocity by the model's filter and momentum by the mass
+    matrix at the middle of the first log.
 
     Args:
         model: identified model.
@@ -61,8 +61,8 @@ def measure_noise(model: CurrentModel, logs: Iterable[JointLog], filtered: bool 
     if filtered:
         velocity = velocity * _passed(model.cutoff, rate, reported)
     inertia = model.robot.rigid_body.mass_matrix(middle, model.link_parameters)
-    inertia = np.abs(np.diag(inertia) + model.rotor_inertia)
-    force, momentum = model.gain * deviation[0], inertia * velocity
+    inertia += np.diag(model.rotor_inertia)
+    force, momentum = model.gain * deviation[0], np.sqrt(inertia**2 @ velocity**2)
     # a noise-free log still needs some trust in both, or the filter has no gain
     return MomentumNoise(_above_nought(force), _above_nought(momentum))
 
