@@ -48,6 +48,8 @@ def load_model(folder: str | Path, robot: Robot) -> CurrentModel:
         raise InputError("no model", str(path), "give the folder that identify, gap or train wrote") from error
     except ValueError as error:
         raise InputError(f"not a model file ({error})", str(path), "identify again") from error
+    if not isinstance(content, dict):
+        raise InputError("not a model file (no table)", str(path), "identify again")
     for key, here in (("joints", list(robot.joints)), ("unit", robot.unit)):
         if content.get(key) != here:
             raise InputError(
@@ -62,7 +64,7 @@ def load_model(folder: str | Path, robot: Robot) -> CurrentModel:
             np.array(content["gain"], dtype=float),
             content["force_unit"],
         )
-    except (KeyError, TypeError) as error:
+    except (KeyError, TypeError, ValueError) as error:
         raise InputError(f"the model lacks or spoils {error}", str(path), "identify again") from error
 
 
@@ -93,6 +95,8 @@ def _read(robot: Robot, written: dict[str, Any], path: Path) -> Term:
         raise InputError(what, str(path), "import the module that defines it, or update sensorless")
     options = {k: tuple(v) if isinstance(v, list) else v for k, v in written.get("options", {}).items()}
     joint = None if written["joint"] is None else int(written["joint"]) - 1
+    if joint is not None and not 0 <= joint < robot.n:
+        raise ValueError(f"joint {joint + 1}")
     effect: Effect = kinds[written["effect"]](joint, **options)
     names = [c["name"] for c in written["coefficients"]]
     if names != [c.name for c in effect.coefficients(robot)]:

@@ -33,7 +33,7 @@ QUIET = 4.0
 """Current is compared up to this many times the cut-off of the motion."""
 
 REST_SPEED, RESTS = 5e-3, 0.1
-"""A joint slower than this [rad/s or m/s] stands still, and is seen at rest if it does so for this share of the rows."""
+"""A joint slower than this [rad/s or m/s] stands still; it is seen at rest if it does so in this share of the rows."""
 
 ROUNDS = 5
 FOLDS = 3

@@ -125,8 +125,8 @@ class Sigmoid(VelocityEffect):
         )
 
     def coefficients(self, robot: Robot) -> tuple[Coefficient, ...]:
-        """Return the friction between standstill at -inf and +inf, phi1."""
-        return (Coefficient("force", "{current}"),)
+        """Return the friction between full motion in - and in + direction, phi1, never negative."""
+        return (Coefficient("force", "{current}", lower=0.0),)
 
     def columns(self, context: Context, shape: FloatArray, memory: FloatArray) -> FloatArray:
         """Return 1/(1+exp(-(dq+shift)/speed)) - 1/(1+exp(-shift/speed))."""

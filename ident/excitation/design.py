@@ -21,7 +21,7 @@ from ident.excitation.optimiser import OBJECTIVES, Optimiser, Outcome
 from ident.excitation.spheres import gap
 from ident.robot import Robot
 
-WIDER = (0.0, 0.01, 0.03)  # [m] room beyond the clearance asked of the optimiser, more each time its answer touches
+WIDER = (0.0, 0.005, 0.01)  # [m] room beyond the clearance asked of the optimiser, more each time its answer touches
 ENOUGH = 0.98  # share of the amplitude that a repair may leave without another, roomier try
 FILLED = 0.9  # share of its tightest limit that a random motion fills
 SAMPLES_PER_HARMONIC = 100

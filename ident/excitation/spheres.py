@@ -11,14 +11,16 @@ import casadi as ca
 import numpy as np
 from scipy.spatial import ConvexHull
 
-from ident.arrays import FloatArray
-from ident.excitation.clearance import ClearanceModel
+from ident.arrays import FloatArray, IntArray
+from ident.excitation.clearance import STEADY, ClearanceModel
 from ident.symbolic import base_poses
 
 MOST = 4  # balls along a body
 DENSITY = 40  # points along the longest side of a body from which its balls are made
-SHARPNESS = 80.0  # [1/m] of the smooth minimum over the pairs of a pose
+SHARPNESS = 120.0  # [1/m] of the smooth minimum over the pairs of a pose
 NEAR = 0.1  # [m] distances at which the balls are levelled with the bodies
+CAUTION = 0.25  # quantile of the shortfall that is made up for
+MOST_STRETCH = 3.0
 POSES = 300
 SEED = 1
 
@@ -52,16 +54,20 @@ def gap(model: ClearanceModel, span: FloatArray) -> ca.Function | None:
     """Smooth least gap over all pairs beyond their clearance [m], as a function of q (n, 1); None without pairs.
 
     Each pair's gap between balls is shifted by how much it falls short of the bodies' own distance where they are
-    near, over random poses in ``span`` (2, n). Pairs built close are left to the verification: their gap is small in
-    every pose, and a smooth minimum over several such gaps is below zero everywhere.
+    near, over random poses in ``span`` (2, n). Pairs whose distance never changes are left out, and gaps of pairs
+    built close count in proportion to what they keep: a smooth minimum over several gaps that are small in every pose
+    would be below zero everywhere.
     """
-    roomy = np.flatnonzero(model.wanted >= model.surroundings.clearance)
-    if not len(roomy):
+    if not model.watched():
         return None
     q = ca.SX.sym("q", model.multibody.n)
     gaps = _pair_gaps(model, q)
-    shift = _shift(model, ca.Function("gaps", [q], [gaps], {"cse": True}), span)
-    beyond = (gaps + ca.DM(shift - model.wanted))[roomy.tolist()]
+    shift, changing = _shift(model, ca.Function("gaps", [q], [gaps], {"cse": True}), span)
+    if not len(changing):
+        return None
+    # Built close is what keeps less than the clearance; pairs that keep nothing are not stretched without end.
+    stretch = np.minimum(model.surroundings.clearance / np.maximum(model.wanted, 1e-9), MOST_STRETCH)
+    beyond = ((gaps + ca.DM(shift - model.wanted)) * ca.DM(stretch))[changing.tolist()]
     least = ca.mmin(beyond)
     smooth = least - ca.log(ca.sum1(ca.exp(-SHARPNESS * (beyond - least)))) / SHARPNESS
     return ca.Function("gap", [q], [smooth], {"cse": True})
@@ -96,8 +102,8 @@ def _pair_gaps(model: ClearanceModel, q: ca.SX) -> ca.SX:
     return gaps
 
 
-def _shift(model: ClearanceModel, gaps: ca.Function, span: FloatArray) -> FloatArray:
-    """Median shortfall of each pair's balls where its bodies are near, (P,)."""
+def _shift(model: ClearanceModel, gaps: ca.Function, span: FloatArray) -> tuple[FloatArray, IntArray]:
+    """Shortfall of each pair's balls where its bodies are near, (P,), and the pairs whose distance changes."""
     q = np.random.default_rng(SEED).uniform(span[0], span[1], (POSES, model.multibody.n))
     true = np.array([model.distances(pose) for pose in q])
     balls = gaps(q.T).full().T if len(model.pairs) > 1 else gaps(q.T).full().reshape(-1, 1)
@@ -106,8 +112,8 @@ def _shift(model: ClearanceModel, gaps: ca.Function, span: FloatArray) -> FloatA
         near = np.abs(true[:, p]) < NEAR
         if not np.any(near):
             near = true[:, p] <= np.quantile(true[:, p], 0.1)
-        shift[p] = np.median(true[near, p] - balls[near, p])
-    return shift
+        shift[p] = np.quantile(true[near, p] - balls[near, p], CAUTION)
+    return shift, np.flatnonzero(np.ptp(true, axis=0) > STEADY)
 
 
 def _on_triangles(corners: FloatArray) -> FloatArray:
