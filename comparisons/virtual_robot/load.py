@@ -7,25 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ident.arrays import FloatArray
-
-
-def pseudo_inertia(parameters: FloatArray) -> FloatArray:
-    """Return the 4 x 4 pseudo-inertia of one body's parameters (10,), Pinocchio's order (Wensing et al. 2018)."""
-    m, mcx, mcy, mcz, ixx, ixy, iyy, ixz, iyz, izz = parameters
-    inertia = np.array([[ixx, ixy, ixz], [ixy, iyy, iyz], [ixz, iyz, izz]])
-    matrix = np.empty((4, 4))
-    matrix[:3, :3] = 0.5 * np.trace(inertia) * np.eye(3) - inertia
-    matrix[:3, 3] = matrix[3, :3] = mcx, mcy, mcz
-    matrix[3, 3] = m
-    return matrix
-
-
-def body_parameters(matrix: FloatArray) -> FloatArray:
-    """Return the parameters (10,) of a body from its pseudo-inertia, the inverse of `pseudo_inertia`."""
-    inertia = np.trace(matrix[:3, :3]) * np.eye(3) - matrix[:3, :3]
-    i = inertia
-    tensor = [i[0, 0], i[0, 1], i[1, 1], i[0, 2], i[1, 2], i[2, 2]]
-    return np.array([matrix[3, 3], *matrix[:3, 3], *tensor])
+from ident.pseudo_inertia import body_parameters, pseudo_inertia
 
 
 def perturbed(parameters: FloatArray, spread: float, seed: int) -> FloatArray:
