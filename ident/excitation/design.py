@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 
@@ -23,6 +23,7 @@ from ident.robot import Robot
 
 WIDER = (0.0, 0.005, 0.01)  # [m] room beyond the clearance asked of the optimiser, more each time its answer touches
 ENOUGH = 0.98  # share of the amplitude that a repair may leave without another, roomier try
+EQUAL = 0.05  # log det a parameter, of no account: it widens intervals by 2.5 % in the geometric mean
 FILLED = 0.9  # share of its tightest limit that a random motion fills
 SAMPLES_PER_HARMONIC = 100
 
@@ -214,7 +215,7 @@ class Designer:
             attempts.append(self.attempt(self.start(rng), known))
             if progress is not None:
                 progress((k + 1) / self.request.restarts)
-        best = min(attempts, key=self._rank)
+        best = self.choose(attempts)
         matrix = self.gain(best.trajectory)
         total = matrix if known is None else matrix + known
         return Excitation(
@@ -244,6 +245,17 @@ class Designer:
         if best is None:
             best = self._attempt(*self.feasibility.repair(start), outcome, known)
         return best
+
+    def choose(self, attempts: Sequence[Attempt]) -> Attempt:
+        """Take the attempt that meets the objective best.
+
+        Of those whose determinants are as good as equal the one with the least condition number is taken, in which no
+        combination of parameters is left far behind the others.
+        """
+        if self.request.objective == "condition":
+            return min(attempts, key=self._rank)
+        enough = max(a.log_det for a in attempts) - EQUAL * self.information.size
+        return min((a for a in attempts if a.log_det >= enough), key=lambda a: a.condition_number)
 
     def gain(self, trajectory: Trajectory) -> FloatArray:
         """Information (size, size) of a motion."""
