@@ -98,6 +98,10 @@ class Design:
         columns = [term.effect.row(context, term.shape, memory, joint) for term, memory in acting]
         return np.hstack([*columns, np.zeros((len(context.motion.t), 0))])
 
+    def matrices(self, context: Context, memories: list[FloatArray]) -> list[FloatArray]:
+        """Regression matrices of all joints' rows."""
+        return [self.matrix(context, memories, joint) for joint in range(self.robot.n)]
+
     def start(self) -> list[FloatArray]:
         """Memories of the terms at the start of a segment."""
         return [term.effect.start() for term in self.terms]
@@ -109,5 +113,5 @@ class Design:
             if block.first:
                 memories = self.start()
             context = self.context(block.motion)
-            matrices = [self.matrix(context, memories, j)[block.keep] for j in range(self.robot.n)]
-            yield Rows(matrices, block.log.current[block.keep] * self.scale)
+            matrices = self.matrices(context, memories)
+            yield Rows([m[block.keep] for m in matrices], block.log.current[block.keep] * self.scale)
