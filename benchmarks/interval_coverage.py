@@ -1,14 +1,14 @@
 """How often the intervals of an identification hold the truth of the virtual VS060, whose drive gains are given.
 
-Run ``python benchmarks/interval_coverage.py [--seeds 20] [--scenario vs060]``. Every seed is another excitation, with
+Run ``python benchmarks/interval_coverage.py [--seeds 20] [--protocol sinusoid]``. Every seed is another excitation, with
 other sensor noise and other friction left over from before. Compared with the truth are
 
 * the base parameters of the links and the rotor inertias; where two of them act alike (a vertical first axis and its
   rotor) the one that stands for both is compared with their sum, as the columns of the regression say;
-* friction at steady speed, half the difference between the directions, at 30, 50 and 70 % of each joint's fastest.
-  The true law (elements that slip one by one, drawn to a Stribeck curve, thinning lubricant, load- and position-
-  dependent) is no sum of the catalogue's effects, so that single coefficients have no true value; friction at a speed
-  has one. Position dependence averages out over a turn, load dependence counts at the mean load of the log.
+* friction at a speed: half the difference between the two directions, averaged over the rows of the log on which the
+  joint runs at 30, 50 or 70 % of its fastest, by 5 % of it. The true law (elements that slip one by one, drawn to a
+  Stribeck curve, thinning lubricant, dependence on load and position) is no sum of the catalogue's effects, so that
+  single coefficients have no true value; the friction over given rows has one, with their loads and positions.
 
 An interval's half-width is 1.96 standard deviations. Printed are the shares within one and within two half-widths.
 """
@@ -16,7 +16,6 @@ An interval's half-width is 1.96 standard deviations. Printed are the shares wit
 from __future__ import annotations
 
 import argparse
-import itertools
 import json
 import tempfile
 from collections.abc import Sequence
@@ -33,7 +32,7 @@ from ident.effects.friction import VelocityEffect
 from ident.effects.hysteresis import MaxwellSlip
 from ident.effects.rigid_body import Links, RotorInertia
 from ident.fit import Fit
-from ident.identify import Identification, identify
+from ident.identification import Identification, identify
 from ident.log import JointLog
 from ident.parameters import HALF_WIDTH
 from ident.robot import Robot, load_robot
@@ -76,34 +75,59 @@ def true_rigid(fit: Fit, virtual: VirtualRobot) -> tuple[BoolArray, FloatArray]:
     return rigid & kept, regrouped[rigid & kept]
 
 
-def friction_at(found: Identification, joint: int, speed: float, load: float) -> tuple[float, float]:
-    """Friction of the model at a steady speed, half the difference of the directions, and its standard deviation."""
-    fit, n = found.fit, found.model.n
-    dq = np.zeros((2, n))
-    dq[:, joint] = speed, -speed
-    still = np.zeros((2, n))
-    context = Context(found.model.robot, Motion(np.arange(2.0), still, dq, still), np.full((2, n), load))
-    slope, value, shape = np.zeros(len(fit.covariance)), 0.0, fit.design.count
+def friction_rows(motion: Motion, joint: int) -> list[tuple[BoolArray, BoolArray]]:
+    """Rows on which a joint runs at each speed, forwards and backwards; speeds it does not hold both ways are left."""
+    dq = motion.dq[:, joint] / np.max(np.abs(motion.dq[:, joint]))
+    pairs = [(np.abs(dq - share) < 0.05, np.abs(dq + share) < 0.05) for share in SPEEDS]
+    return [(plus, minus) for plus, minus in pairs if plus.sum() > 20 and minus.sum() > 20]
+
+
+def odd(values: FloatArray, plus: BoolArray, minus: BoolArray) -> FloatArray:
+    """Half the difference of the means over two sets of rows."""
+    return np.asarray(0.5 * (values[plus].mean(axis=0) - values[minus].mean(axis=0)))
+
+
+def friction_columns(found: Identification, context: Context, joint: int) -> FloatArray:
+    """Derivative (N, p) of the model's friction at a joint by all linear parameters, then all shape parameters."""
+    fit = found.fit
+    columns, shape = np.zeros((len(context.motion), len(fit.covariance))), fit.design.count
     for k, term in enumerate(found.model.terms):
         effect, own = term.effect, fit.design.columns_of_term(k)
-        if effect.joint == joint and isinstance(effect, MaxwellSlip):
-            slope[own] = 1.0  # every element slips
-        elif effect.joint == joint and isinstance(effect, VelocityEffect):
-            columns = effect.columns(context, term.shape, effect.start())
-            slope[own] = 0.5 * (columns[0] - columns[1])
+        if effect.joint == joint and isinstance(effect, VelocityEffect | MaxwellSlip):
+            columns[:, own] = effect.columns(context, term.shape, effect.start())
             if effect.shapes:
-                sides = effect.gradient(context, term.shape) @ term.coefficients
-                slope[shape : shape + len(term.shape)] = 0.5 * (sides[:, 0] - sides[:, 1])
-        value += float(slope[own] @ term.coefficients) if effect.joint == joint else 0.0
+                slope = effect.gradient(context, term.shape) @ term.coefficients
+                columns[:, shape : shape + len(term.shape)] = slope.T
         shape += len(term.shape)
-    return value, float(np.sqrt(slope @ fit.covariance @ slope))
+    return columns
 
 
-def true_friction(virtual: VirtualRobot, joint: int, speed: float, load: float) -> float:
+def true_friction(virtual: VirtualRobot, motion: Motion, load: FloatArray, joint: int) -> FloatArray:
+    """Friction (N,) of the true law at a joint that has slipped long enough for its elements to be on their curves."""
     law = virtual.laws.friction
-    excess = (law.static - law.coulomb)[joint] * law.share[joint] @ np.exp(-speed / law.stribeck[joint])
-    viscous = law.viscous[joint] * speed / (1.0 + speed / law.thinning[joint])
-    return float(law.coulomb[joint] + law.load[joint] * load + excess + viscous)
+    q, dq = motion.q[:, joint], motion.dq[:, joint]
+    speed = np.abs(dq)[:, None]
+    level = 1.0 + law.position[joint] * np.cos(q - law.phase[joint])
+    level *= 1.0 + law.asymmetry[joint] * np.sign(dq)
+    excess = (law.static - law.coulomb)[joint] * np.exp(-speed / law.stribeck[joint]) @ law.share[joint]
+    viscous = law.viscous[joint] * dq / (1.0 + np.abs(dq) / law.thinning[joint])
+    dry = level * (law.coulomb[joint] + excess) + law.load[joint] * np.abs(load[:, joint])
+    return np.asarray(np.sign(dq) * dry + level * viscous)
+
+
+def friction_deviations(found: Identification, virtual: VirtualRobot, log: JointLog) -> list[list[float]]:
+    motion = derive(log, found.cutoff.hertz)
+    load = virtual.rigid_torque(motion.q, motion.dq, motion.ddq)
+    context = Context(found.model.robot, motion, found.model.load(motion))
+    theta = found.fit.solution.parameters
+    rows = []
+    for joint in range(found.model.n):
+        columns, truth = friction_columns(found, context, joint), true_friction(virtual, motion, load, joint)
+        for plus, minus in friction_rows(motion, joint):
+            slope, true = odd(columns, plus, minus), float(odd(truth, plus, minus))
+            std = float(np.sqrt(slope @ found.fit.covariance @ slope))
+            rows.append([float(slope[: len(theta)] @ theta) - true, std, true, joint])
+    return rows
 
 
 def deviations(seed: int, scenario: str, protocol: str, effects: list[str] | None) -> dict[str, list[list[float]]]:
@@ -116,7 +140,7 @@ def deviations(seed: int, scenario: str, protocol: str, effects: list[str] | Non
     found = identify(robot, [log], effects=effects)
     chosen, truth = true_rigid(found.fit, virtual)
     std = np.sqrt(np.diag(found.fit.covariance))[: found.fit.design.count]
-    rows = np.stack([found.fit.solution.parameters[chosen] - truth, std[chosen], truth], axis=1)
+    rows = np.stack([found.fit.solution.parameters[chosen] - truth, std[chosen], truth, truth * np.nan], axis=1)
     rotors = np.concatenate(
         [
             found.fit.design.columns_of_term(k)
@@ -125,24 +149,15 @@ def deviations(seed: int, scenario: str, protocol: str, effects: list[str] | Non
         ]
     )
     rotor = np.isin(np.flatnonzero(chosen), rotors)
-    friction = [friction_row(found, virtual, log, j, share) for j, share in itertools.product(range(robot.n), SPEEDS)]
+    friction = friction_deviations(found, virtual, log)
     return {"base parameters": rows[~rotor].tolist(), "rotor inertias": rows[rotor].tolist(), "friction": friction}
-
-
-def friction_row(found: Identification, virtual: VirtualRobot, log: JointLog, joint: int, share: float) -> list[float]:
-    motion = derive(log, found.cutoff.hertz)
-    torque = virtual.rigid_torque(motion.q, motion.dq, motion.ddq)
-    speed, load = share * float(np.max(np.abs(motion.dq[:, joint]))), float(np.mean(np.abs(torque[:, joint])))
-    truth = true_friction(virtual, joint, speed, load)
-    value, std = friction_at(found, joint, speed, load)
-    return [value - truth, std, truth]
 
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--seeds", type=int, default=20)
     parser.add_argument("--scenario", default="vs060")
-    parser.add_argument("--protocol", default="fourier")
+    parser.add_argument("--protocol", default="sinusoid")
     parser.add_argument("--effects", nargs="+", help="instead of those that predict held-out rows best")
     given = parser.parse_args()
     calls = (
