@@ -1,7 +1,7 @@
 """How often the intervals of an identification hold the truth of the virtual VS060, whose drive gains are given.
 
-Run ``python benchmarks/interval_coverage.py [--seeds 20] [--protocol sinusoid]``. Every seed is another excitation, with
-other sensor noise and other friction left over from before. Compared with the truth are
+Run ``python benchmarks/interval_coverage.py [--seeds 20] [--protocol sinusoid]``. Every seed is another excitation,
+with other sensor noise and other friction left over from before. Compared with the truth are
 
 * the base parameters of the links and the rotor inertias; where two of them act alike (a vertical first axis and its
   rotor) the one that stands for both is compared with their sum, as the columns of the regression say;
