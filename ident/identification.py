@@ -17,6 +17,7 @@ from ident.effects.base import Effect
 from ident.effects.electrical import CurrentOffset
 from ident.effects.friction import SMOOTHING, Coulomb, VelocityEffect, Viscous
 from ident.effects.rigid_body import Links, RotorInertia
+from ident.effects.transmission import CrossJointFriction
 from ident.errors import InputError
 from ident.feasible import Feasible, SolverFailure, feasible_parameters
 from ident.fit import Drives, Fit, fit
@@ -27,7 +28,7 @@ from ident.parameters import Parameter, list_parameters
 from ident.payload import Payload
 from ident.robot import Robot
 from ident.signals import CutoffChoice, choose_cutoff
-from ident.structure import Structure, choose_structure
+from ident.structure import Structure, choose_structure, coupled
 from ident.urdf_export import write_urdf
 from ident.walk import Block, collect
 
@@ -182,11 +183,17 @@ def _identify(
 
 
 def _choose_cutoff(sources: Sequence[LogSource]) -> CutoffChoice:
-    heads = [next(source.blocks(CUTOFF_ROWS), None) for source in sources]
-    logs: list[JointLog] = [head for head in heads if head is not None and len(head) > 1]
-    if not logs:
+    heads: list[JointLog] = []
+    for source in sources:
+        rows = 0
+        for block in source.blocks(CUTOFF_ROWS):
+            heads.append(block)
+            rows += len(block)
+            if rows >= CUTOFF_ROWS:
+                break
+    if max(map(len, heads), default=0) < 2:
         raise InputError("fewer than two rows", ", ".join(s.name for s in sources), "give longer logs")
-    return choose_cutoff(concatenate(logs))
+    return choose_cutoff(concatenate(heads))
 
 
 def _drives(
@@ -229,10 +236,14 @@ def _named(
             raise InputError(f"no effect is named {name!r}", "--effects", f"choose from {', '.join(sorted(catalogue))}")
     effects = [e for e in _baseline(robot, gains, smoothing, still) if not isinstance(e, VelocityEffect)]
     present = {effect.name for effect in effects}
-    for kind in [catalogue[name] for name in names if name not in present]:
-        moving = [j for j in range(robot.n) if j not in still]
-        smooth = issubclass(kind, VelocityEffect)
-        effects += [kind(j, smoothing[j]) if smooth else kind(j) for j in moving]  # type: ignore[call-arg]
+    moving = [j for j in range(robot.n) if j not in still]
+    for kind in [catalogue[name] for name in dict.fromkeys(names) if name not in present]:
+        if kind is CrossJointFriction:
+            effects += [CrossJointFriction(j, smoothing[j], source) for j in moving for source in coupled(robot, j)]
+        elif issubclass(kind, VelocityEffect):
+            effects += [kind(j, smoothing[j]) for j in moving]
+        else:
+            effects += [kind(j) for j in moving]
     return effects
 
 

@@ -61,6 +61,8 @@ def collect(sources: Iterable[LogSource], cutoff: float, limit: int = SEARCH_ROW
     every, seen = 1, 0
     for source in sources:
         for block in walk(source, cutoff):
+            if not block.keep.any():
+                continue
             seen += 1
             if (seen - 1) % every:
                 continue
