@@ -1,5 +1,7 @@
 """What a user can mend."""
 
+from __future__ import annotations
+
 
 class InputError(Exception):
     """The input or the call is wrong; the message says what, where and how to mend it.
@@ -12,3 +14,7 @@ class InputError(Exception):
         self.what = what
         self.where = where
         self.how = how
+
+    def __reduce__(self) -> tuple[type[InputError], tuple[str, str, str]]:
+        """Survive the way from a worker process."""
+        return type(self), (self.what, self.where, self.how)
