@@ -1,7 +1,7 @@
 """Cost of the observers: a step against the Pinocchio calls it stands for, a log against stepping through filterpy.
 
-Run ``python benchmarks/observer_cost.py`` (a minute). Everything is timed in one process on one core, in turn, the best of
-several rounds; the ratios are what counts. The last table runs each observer's core over ten million samples.
+Run ``python benchmarks/observer_cost.py`` (a minute). Everything is timed in one process on one core, in turn, the best
+of several rounds; the ratios are what counts. The last table runs each observer's core over ten million samples.
 """
 
 from __future__ import annotations
