@@ -66,7 +66,7 @@ class Recording:
 
 
 def generate(
-    virtual: VirtualRobot, preset: str, out: Path, seed: int = 0, progress: Progress | None = None
+    virtual: VirtualRobot, preset: str, out: str | Path, seed: int = 0, progress: Progress | None = None
 ) -> list[Path]:
     """Record all sets of a preset into ``out`` as ``SET_000.parquet``, ``SET_001.parquet`` ..., a file a segment.
 
@@ -85,11 +85,12 @@ def generate(
     """
     if preset not in PRESETS:
         raise InputError(f"no preset {preset!r}", "generate", f"name one of {', '.join(PRESETS)}")
-    out.mkdir(parents=True, exist_ok=True)
+    folder = Path(out)
+    folder.mkdir(parents=True, exist_ok=True)
     files = []
     for number, (name, (protocol, arguments)) in enumerate(PRESETS[preset].items()):
         motion = named(protocol)(virtual.robot, seed=seed + number, **arguments)
-        files += _write(Recording(virtual, motion, seed + number), out, name, progress or _silent)
+        files += _write(Recording(virtual, motion, seed + number), folder, name, progress or _silent)
     return files
 
 
