@@ -126,21 +126,23 @@ def friction_deviations(found: Identification, virtual: VirtualRobot, log: Joint
         for plus, minus in friction_rows(motion, joint):
             slope, true = odd(columns, plus, minus), float(odd(truth, plus, minus))
             std = float(np.sqrt(slope @ found.fit.covariance @ slope))
-            rows.append([float(slope[: len(theta)] @ theta) - true, std, true, joint])
+            rows.append([float(slope[: len(theta)] @ theta) - true, std])
     return rows
 
 
-def deviations(seed: int, scenario: str, protocol: str, effects: list[str] | None) -> dict[str, list[list[float]]]:
-    """Error, standard deviation and truth of everything that is compared, by kind, for one seed."""
+def deviations(
+    seed: int, scenario: str, protocol: str, series: dict[str, float], effects: list[str] | None
+) -> dict[str, list[list[float]]]:
+    """Error and standard deviation of everything that is compared, by kind, for one seed."""
     virtual = VirtualRobot(load_robot("vs060"), scenario)
-    motion = named(protocol)(virtual.robot, seconds=SECONDS, seed=seed)
+    motion = named(protocol)(virtual.robot, seconds=SECONDS, seed=seed, **series)
     log = virtual.record(motion, seed)
     with tempfile.TemporaryDirectory() as folder:
         robot = with_gains(virtual.robot, virtual.laws.gain.tolist(), Path(folder))
     found = identify(robot, [log], effects=effects)
     chosen, truth = true_rigid(found.fit, virtual)
     std = np.sqrt(np.diag(found.fit.covariance))[: found.fit.design.count]
-    rows = np.stack([found.fit.solution.parameters[chosen] - truth, std[chosen], truth, truth * np.nan], axis=1)
+    rows = np.stack([found.fit.solution.parameters[chosen] - truth, std[chosen]], axis=1)
     rotors = np.concatenate(
         [
             found.fit.design.columns_of_term(k)
@@ -158,10 +160,14 @@ def main() -> None:
     parser.add_argument("--seeds", type=int, default=20)
     parser.add_argument("--scenario", default="vs060")
     parser.add_argument("--protocol", default="sinusoid")
+    parser.add_argument("--base", type=float, help="base frequency of a Fourier series [Hz]")
+    parser.add_argument("--harmonics", type=int, help="of a Fourier series")
     parser.add_argument("--effects", nargs="+", help="instead of those that predict held-out rows best")
     given = parser.parse_args()
+    series = {key: value for key in ("base", "harmonics") if (value := getattr(given, key)) is not None}
     calls = (
-        delayed(deviations)(seed, given.scenario, given.protocol, given.effects) for seed in range(1, given.seeds + 1)
+        delayed(deviations)(seed, given.scenario, given.protocol, series, given.effects)
+        for seed in range(1, given.seeds + 1)
     )
     found = Parallel(n_jobs=2)(calls)
     print(f"{'':<18}{'compared':>9}{'in 1 half-width':>17}{'in 2 half-widths':>18}{'|error|/std':>13}")
