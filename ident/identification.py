@@ -11,6 +11,7 @@ import numpy as np
 from threadpoolctl import threadpool_limits
 
 from ident.arrays import FloatArray
+from ident.cautions import gain_warnings, sign_warnings, still_joints, still_warnings
 from ident.drive_gain import GainEstimate, gains_from_payload, shared_gains
 from ident.effects import load_catalogue
 from ident.effects.base import Effect
@@ -38,8 +39,6 @@ Progress = Callable[[str, float], None]
 CUTOFF_ROWS = 100_000
 """Rows of each log from which the cut-off is chosen."""
 
-NEVER_MOVES = 2e-3
-"""A joint that stays within this [rad or m] teaches nothing of its own friction."""
 
 URDF = "identified.urdf"
 
@@ -162,7 +161,7 @@ def _identify(
     if not any(block.keep.any() for block in held):
         where = ", ".join(source.name for source in train)
         raise InputError(f"too short for a cut-off of {chosen.hertz:.3g} Hz", where, "give longer logs")
-    still = _still_joints(held)
+    still = still_joints(held)
     gains = gains or ("payload" if loaded is not None else "known" if robot.gain is not None else "per-joint")
     drives, estimate = _drives(robot, gains, train, loaded, chosen.hertz)
     smoothing = _smoothing(held, chosen.hertz)
@@ -178,7 +177,7 @@ def _identify(
         used = _named(robot, gains, effects, smoothing, still)
     found = fit(robot, used, train, chosen.hertz, drives, robust, lambda share: tell("fitting", share))
     feasible, trouble = _feasible(robot, found, gains)
-    warnings = [*_sign_warnings(found.model, held), *_still_warnings(robot, still), *_open_gains(estimate), *trouble]
+    warnings = [*sign_warnings(found.model, held), *still_warnings(robot, still), *gain_warnings(estimate), *trouble]
     return Identification(found.model, found, gains, estimate, chosen, structure, feasible, tuple(warnings))
 
 
@@ -255,41 +254,6 @@ def _smoothing(held: Sequence[Block], cutoff: float) -> FloatArray:
     removed = np.concatenate([(block.log.q - block.motion.q)[block.keep] for block in held])
     passed = np.sqrt(8.0 * np.pi**2 * cutoff**3 / (3.0 * held[0].log.rate))
     return np.asarray(np.clip(3.0 * passed * removed.std(axis=0), 0.1 * SMOOTHING, SMOOTHING))
-
-
-def _still_joints(held: Sequence[Block]) -> list[int]:
-    q = np.concatenate([block.motion.q[block.keep] for block in held])
-    return [int(j) for j in np.flatnonzero(np.ptp(q, axis=0) < NEVER_MOVES)]
-
-
-def _still_warnings(robot: Robot, still: Sequence[int]) -> list[str]:
-    return [
-        f"Joint {j + 1} ({robot.joints[j]}) never moves: its friction and its own inertia cannot be identified."
-        for j in still
-    ]
-
-
-def _open_gains(estimate: GainEstimate | None) -> list[str]:
-    if estimate is None:
-        return []
-    return [
-        f"Joint {j + 1}: the logs leave its drive gain open, {estimate.reason[j]}; its forces in N m rest on a "
-        f"gain between {estimate.low[j]:.3g} and {estimate.high[j]:.3g}."
-        for j in np.flatnonzero(estimate.open)
-    ]
-
-
-def _sign_warnings(model: CurrentModel, held: Sequence[Block]) -> list[str]:
-    """Name joints whose friction would drive the motion: the sign of their current or position is flipped."""
-    power = np.zeros(model.n)
-    for block in held:
-        friction = model.friction(block.motion)
-        power += np.sum((friction * block.motion.dq)[block.keep], axis=0)
-    return [
-        f"Joint {j + 1} ({model.robot.joints[j]}): friction would drive the motion; the sign of its current is "
-        "probably flipped. Give the card a scale of -1 for it: [log] scale = { current = [...] }."
-        for j in np.flatnonzero(power < 0)
-    ]
 
 
 def _feasible(robot: Robot, found: Fit, gains: Gains) -> tuple[Feasible | None, list[str]]:

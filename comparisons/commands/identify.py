@@ -77,8 +77,9 @@ def identify_into(
     from ident.robot import load_robot
 
     loaded = load_robot(robot)
-    # An option given without values is a mistake that open_logs names; an option not given is none.
-    logs, held_out = open_logs(train, loaded), [] if test is None else open_logs(test, loaded)
+    if test == []:
+        raise InputError("no test log", "--test", "give logs after it, or leave it out")
+    logs, held_out = open_logs(train, loaded), open_logs(test, loaded) if test else []
     if "payload" in options:
         patterns, mass, com, frame = options.pop("payload")
         options["loaded"] = PayloadLogs(Payload(mass, com, frame=frame), open_logs(patterns, loaded))
