@@ -78,7 +78,7 @@ def identify_into(
 
     loaded = load_robot(robot)
     if test == []:
-        raise InputError("no test log", "--test", "give logs after it, or leave it out")
+        raise InputError("no logs to test on", "--test", "give logs after it, or leave it out")
     logs, held_out = open_logs(train, loaded), open_logs(test, loaded) if test else []
     if "payload" in options:
         patterns, mass, com, frame = options.pop("payload")
