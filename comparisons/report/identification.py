@@ -67,21 +67,16 @@ def identification_report(
 def _errors(report: Report, found: Identification, figures: Mapping[str, Mapping[str, Any]]) -> None:
     unit, robot = found.model.unit, found.model.robot
     report.section("Errors")
-    columns = ["joint", "name"]
-    for part in figures:
-        columns += [f"RMSE, {part} [{unit}]", f"relative, {part} [%]", f"below the cut-off, {part} [%]"]
-    rows = []
-    for j, name in enumerate(robot.joints):
-        row: list[Any] = [j + 1, name]
-        for values in figures.values():
-            keys = ("rmse", "relative_error_percent", "relative_error_percent_filtered")
-            row += [values[key][j] for key in keys]
-        rows.append(row)
-    caption = (
-        f"Against the current as logged, unfiltered. Below the cut-off ({found.cutoff.hertz:.3g} Hz): error and "
-        "current both low-passed without lag, so that sensor noise does not count."
+    report.text(
+        "Against the current as logged, unfiltered. Below the cut-off "
+        f"({found.cutoff.hertz:.3g} Hz): error and current both low-passed without lag, so that sensor noise does not "
+        "count."
     )
-    report.table(columns, rows, caption)
+    keys = ("rmse", "relative_error_percent", "relative_error_percent_filtered")
+    for part, values in reversed(list(figures.items())):
+        rows = [[j + 1, name, *(values[key][j] for key in keys)] for j, name in enumerate(robot.joints)]
+        columns = ["joint", "name", f"RMSE [{unit}]", "relative error [%]", "below the cut-off [%]"]
+        report.table(columns, rows, f"Errors on the {part} logs")
     usual = ("links", "rotor-inertia", "current-offset")
     chosen = [
         [
@@ -109,14 +104,13 @@ def _residuals(report: Report, found: Identification, log: JointLog, predicted: 
 
     motion: Motion = derive(log, found.cutoff.hertz)
     report.section("Where the residual comes from")
-    report.text("Structure in these pictures is something the model lacks; `sensorless gap` names it.")
+    report.text("Structure in these pictures is something the model lacks.")
     every = max(1, len(log) // 4000)
     slide = found.model.robot.multibody.prismatic
     angle = "m" if slide.all() else "rad" if not slide.any() else "rad or m"
     for what, unit, values in (("velocity", f"{angle}/s", motion.dq), ("position", angle, log.q)):
         figure, axes = style.joint_grid(found.model.robot.joints, f"{what} [{unit}]", f"residual [{found.model.unit}]")
         for j, axis in enumerate(axes):
-            # Every panel has its own range: the shared axis of a time plot makes no sense here.
             axis.plot(
                 values[::every, j], (log.current - predicted)[::every, j], ".", color=style.RESIDUAL, markersize=1.5
             )
