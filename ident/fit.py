@@ -20,7 +20,7 @@ from ident.uncertainty import covariance
 from ident.walk import Block, collect, thin, walk
 
 HUBER = 1.345
-"""Residuals beyond this many robust standard deviations lose weight (95 % efficiency on Gaussian noise)."""
+"""Residuals beyond this many standard deviations lose weight (95 % efficiency on Gaussian noise)."""
 
 SHAPE_ROWS = 12_000
 """Rows at most on which shape parameters are searched."""
@@ -124,9 +124,10 @@ def settle(design: Design, held: Sequence[Block], drives: Drives, cutoff: float,
             design = replace(design, load=solved_model(known, solution, drives, cutoff, rate).load)
         if has_shapes:
             design = optimise_shapes(design, held)
-        solution = solve(design, factorise(design, design.rows(held)))
-        now = float(np.sum(np.log(solution.variance)))
-        if not needs_load or before - now < SETTLED:
+        if not needs_load:
+            break
+        now = float(np.sum(np.log(solve(design, factorise(design, design.rows(held))).variance)))
+        if before - now < SETTLED:
             break
         before = now
     return design

@@ -39,7 +39,7 @@ class RigidBody:
         self.multibody = multibody
         self._base: dict[int | None, BaseParameters] = {}
         tree = multibody.tree
-        self._chain = Chain(
+        self.chain = Chain(
             tree.order, tree.parent, tree.prismatic, tree.axis, tree.rotation, tree.translation, _supports(tree)
         )
 
@@ -54,7 +54,7 @@ class RigidBody:
         """Regressor Y, (N, n, 10 n): joint torques are ``Y @ parameters`` (Khalil and Dombre 2002, ch. 12)."""
         motion = self._motion(q, dq, ddq)
         out = np.zeros((len(motion[0]), self.n, 10 * self.n))
-        over_rows(regressor_rows, (self._chain, self._gravity(gravity)), *motion, out)
+        over_rows(regressor_rows, (self.chain, self._gravity(gravity)), *motion, out)
         return out if np.ndim(q) == 2 else out[0]
 
     def inverse_dynamics(
@@ -69,7 +69,7 @@ class RigidBody:
         motion = self._motion(q, dq, ddq)
         out = np.empty(motion[0].shape)
         over_rows(
-            inverse_dynamics_rows, (self._chain, self._gravity(gravity), self._per_joint(parameters)), *motion, out
+            inverse_dynamics_rows, (self.chain, self._gravity(gravity), self._per_joint(parameters)), *motion, out
         )
         return out if np.ndim(q) == 2 else out[0]
 
@@ -79,7 +79,7 @@ class RigidBody:
         """Generalised momentum, C^T dq and gravity torque, each (N, n)."""
         motion = self._motion(q, dq)
         out = np.empty((len(motion[0]), 3, self.n))
-        over_rows(momentum_rows, (self._chain, self._gravity(gravity), self._per_joint(parameters)), *motion, out)
+        over_rows(momentum_rows, (self.chain, self._gravity(gravity), self._per_joint(parameters)), *motion, out)
         terms = out if np.ndim(q) == 2 else out[0]
         return MomentumTerms(terms[..., 0, :], terms[..., 1, :], terms[..., 2, :])
 
@@ -87,7 +87,7 @@ class RigidBody:
         """Joint-space inertia matrix, (N, n, n); row j from row j of the parameters, symmetric where those agree."""
         (rows,) = self._motion(q)
         out = np.zeros((len(rows), self.n, self.n))
-        over_rows(mass_matrix_rows, (self._chain, self._per_joint(parameters)), rows, out)
+        over_rows(mass_matrix_rows, (self.chain, self._per_joint(parameters)), rows, out)
         return out if np.ndim(q) == 2 else out[0]
 
     def base_parameters(self, joint: int | None = None) -> BaseParameters:

@@ -32,6 +32,8 @@ class DisturbanceObserver(ModelBasedObserver):
         InputError: a bandwidth is not positive.
     """
 
+    state_rows = 4
+
     def __init__(
         self,
         model: CurrentModel,
@@ -40,13 +42,11 @@ class DisturbanceObserver(ModelBasedObserver):
         rate: float | None = None,
     ) -> None:
         self._gain = 2.0 * np.pi * per_joint(bandwidth, model.n, "bandwidth [Hz]")
-        self._state = np.zeros((4, model.n))
         super().__init__(model, filtered, rate)
 
     def reset(self) -> None:
         """Forget all memory, as at the start of a log or segment."""
         super().reset()
-        self._state[:] = 0.0
         self._usual: FloatArray | None = None
 
     def _advance(self, signals: Signals) -> FloatArray:

@@ -28,6 +28,8 @@ class FilteredDynamicsObserver(ModelBasedObserver):
         InputError: a bandwidth is not positive.
     """
 
+    state_rows = 4
+
     def __init__(
         self,
         model: CurrentModel,
@@ -36,13 +38,7 @@ class FilteredDynamicsObserver(ModelBasedObserver):
         rate: float | None = None,
     ) -> None:
         self._pole = 2.0 * np.pi * per_joint(bandwidth, model.n, "bandwidth [Hz]")
-        self._state = np.zeros((4, model.n))
         super().__init__(model, filtered, rate)
-
-    def reset(self) -> None:
-        """Forget all memory, as at the start of a log or segment."""
-        super().reset()
-        self._state[:] = 0.0
 
     def _advance(self, signals: Signals) -> FloatArray:
         out = np.empty_like(signals.momentum)

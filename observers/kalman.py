@@ -58,13 +58,11 @@ class KalmanObserver(ModelBasedObserver):
         self._decay = decay
         self.steady = np.array([_steady(self._density[:, j], self._measured[j], decay, h) for j in range(n)])
         self._full = gain == "full"
-        self._state = np.zeros((3, n))
         super().__init__(model, filtered, rate)
 
     def reset(self) -> None:
         """Forget all memory, as at the start of a log or segment."""
         super().reset()
-        self._state[:] = 0.0
         self._filter_full: Any = None
 
     def _advance(self, signals: Signals) -> FloatArray:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from typing import NamedTuple
+from typing import ClassVar, NamedTuple
 
 import numpy as np
 
@@ -61,6 +61,9 @@ class ModelBasedObserver(ABC):
         InputError: the model's cut-off is not below half the rate.
     """
 
+    state_rows: ClassVar[int] = 3
+    """Rows of the observer's own state, one column a joint."""
+
     def __init__(self, model: CurrentModel, filtered: bool = True, rate: float | None = None) -> None:
         self.model, self.rate = model, rate or model.rate
         forget = FORGOTTEN / model.cutoff if filtered else LONGEST_GAP / self.rate
@@ -72,7 +75,7 @@ class ModelBasedObserver(ABC):
         self._slips = any(not isinstance(term.effect, (Links, RotorInertia)) for term in model.terms)
         # the compiled loop itself and what does not change: its checks cost more than its work
         body = model.robot.rigid_body
-        self._fixed = (body._chain, body.multibody.gravity, self._link_parameters, self._rotor_inertia, model.gain)
+        self._fixed = (body.chain, body.multibody.gravity, self._link_parameters, self._rotor_inertia, model.gain)
         self._room = (np.empty((1, 3, model.n)), np.empty((1, model.n)), np.empty((1, model.n)))
         self._step, self._still = np.empty(1), np.zeros(model.n)
         self._shape, self._drive_gain = (model.n,), model.gain
@@ -100,6 +103,7 @@ class ModelBasedObserver(ABC):
         if self._filter is not None:
             self._filter.reset()
         self._memories = self.model.start()
+        self._state = np.zeros((self.state_rows, self.n))
         self._last = np.zeros(self.n)
 
     def step(self, sample: Sample) -> FloatArray:

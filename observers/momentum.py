@@ -34,13 +34,7 @@ class MomentumObserver(ModelBasedObserver):
         rate: float | None = None,
     ) -> None:
         self._gain = 2.0 * np.pi * per_joint(bandwidth, model.n, "bandwidth [Hz]")
-        self._state = np.zeros((3, model.n))
         super().__init__(model, filtered, rate)
-
-    def reset(self) -> None:
-        """Forget all memory, as at the start of a log or segment."""
-        super().reset()
-        self._state[:] = 0.0
 
     def _advance(self, signals: Signals) -> FloatArray:
         out = np.empty_like(signals.momentum)

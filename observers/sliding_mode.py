@@ -31,13 +31,7 @@ class SlidingModeObserver(ModelBasedObserver):
     ) -> None:
         bound = per_joint(force_rate, model.n, "force rate")
         self._gains = np.stack([1.5 * np.sqrt(bound), 1.1 * bound])
-        self._state = np.zeros((3, model.n))
         super().__init__(model, filtered, rate)
-
-    def reset(self) -> None:
-        """Forget all memory, as at the start of a log or segment."""
-        super().reset()
-        self._state[:] = 0.0
 
     def _advance(self, signals: Signals) -> FloatArray:
         out = np.empty_like(signals.momentum)
