@@ -13,8 +13,8 @@ from ident.robot import Robot
 from ident.signals import Motion
 from ident.walk import Block
 
-Load = Callable[[Motion], FloatArray]
-"""Gives the load (N, n) on the links in the model's force unit, for effects that depend on it."""
+Known = Callable[[Motion], Context]
+"""Gives what effects see of a motion, with the load, links or total of a model that is already known."""
 
 
 @dataclass(frozen=True)
@@ -36,13 +36,13 @@ class Design:
         robot: the robot.
         terms: effects with shape values; coefficients are not used.
         scale: force unit per unit of current, (n,): the drive gains where they are known, else ones.
-        load: gives the load on the links; needed by effects that depend on it.
+        known: what is known of the model already; needed by effects that depend on it.
     """
 
     robot: Robot
     terms: tuple[Term, ...]
     scale: FloatArray
-    load: Load | None = None
+    known: Known | None = None
     _columns: list[IntArray] = field(init=False, repr=False)
     _of_term: list[IntArray] = field(init=False, repr=False)
 
@@ -85,7 +85,7 @@ class Design:
 
     def context(self, motion: Motion) -> Context:
         """Return what the effects see of a motion."""
-        return Context(self.robot, motion, None if self.load is None else self.load(motion))
+        return Context(self.robot, motion) if self.known is None else self.known(motion)
 
     def matrix(self, context: Context, memories: list[FloatArray], joint: int) -> FloatArray:
         """Regression matrix of one joint's row of consecutive samples; carries its terms' memories forward."""

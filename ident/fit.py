@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 
 from ident.arrays import FloatArray
-from ident.design import Design, Rows
+from ident.design import Design, Known, Rows
 from ident.effects.base import Effect, Term, initial_term
-from ident.effects.friction import LoadFriction
 from ident.least_squares import Factors, Solution, factorise, solve
 from ident.log import LogSource
 from ident.model import CurrentModel
@@ -26,7 +26,7 @@ SHAPE_ROWS = 12_000
 """Rows at most on which shape parameters are searched."""
 
 ROUNDS = 4
-"""Alternations at most between shape parameters, linear parameters and the load that the links put on the gears."""
+"""Alternations at most between shape parameters, linear parameters and what effects need of the fitted model."""
 
 SETTLED = 1e-4
 """Relative fall of the residual below which alternating ends."""
@@ -110,21 +110,21 @@ def fit(
 
 
 def settle(design: Design, held: Sequence[Block], drives: Drives, cutoff: float, rate: float) -> Design:
-    """Return the design with shape parameters, and the load where an effect needs it, that fit the held rows."""
-    needs_load = any(isinstance(term.effect, LoadFriction) for term in design.terms)
+    """Return the design with shape parameters, and what effects need of a fitted model, that fit the held rows."""
+    needs_model = any(term.effect.needs for term in design.terms)
     has_shapes = any(term.effect.shapes for term in design.terms)
-    if not (needs_load or has_shapes):
+    if not (needs_model or has_shapes):
         return design
     before = np.inf
     for _ in range(ROUNDS):
-        if needs_load:
-            # The first load comes from a fit that leaves out what depends on it.
-            known = design if design.load is not None else without(design, LoadFriction)
-            solution = solve(known, factorise(known, known.rows(held)))
-            design = replace(design, load=solved_model(known, solution, drives, cutoff, rate).load)
+        if needs_model:
+            # What is known first comes from a fit that leaves out what depends on it.
+            first = design if design.known is not None else without_dependent(design)
+            solution = solve(first, factorise(first, first.rows(held)))
+            design = replace(design, known=_sees(solved_model(first, solution, drives, cutoff, rate), design))
         if has_shapes:
             design = optimise_shapes(design, held)
-        if not needs_load:
+        if not needs_model:
             break
         now = float(np.sum(np.log(solve(design, factorise(design, design.rows(held))).variance)))
         if before - now < SETTLED:
@@ -133,9 +133,14 @@ def settle(design: Design, held: Sequence[Block], drives: Drives, cutoff: float,
     return design
 
 
-def without(design: Design, kind: type[Effect]) -> Design:
-    """Return the design without the effects of a kind."""
-    return replace(design, terms=tuple(term for term in design.terms if not isinstance(term.effect, kind)))
+def _sees(model: CurrentModel, design: Design) -> Known:
+    """What the design's effects see of a motion when the model is known."""
+    return partial(model.context, total=any("total" in term.effect.needs for term in design.terms))
+
+
+def without_dependent(design: Design) -> Design:
+    """Return the design without the effects that need a fitted model."""
+    return replace(design, terms=tuple(term for term in design.terms if not term.effect.needs))
 
 
 def huber(design: Design, solution: Solution) -> Callable[[Rows], FloatArray]:

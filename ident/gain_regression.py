@@ -209,15 +209,16 @@ class GainRegression:
 
 @dataclass(frozen=True, eq=False)
 class _Load:
-    """Torque (N, n) on the joints of a motion, which knows whether the robot carries the payload."""
+    """What effects see of a motion, which knows whether the robot carries the payload."""
 
     robot: Robot
     links: FloatArray
     loaded: FloatArray
 
-    def __call__(self, motion: Motion) -> FloatArray:
+    def __call__(self, motion: Motion) -> Context:
         parameters = self.loaded if isinstance(motion, CarryingMotion) else self.links
-        return self.robot.rigid_body.inverse_dynamics(motion.q, motion.dq, motion.ddq, parameters)
+        load = self.robot.rigid_body.inverse_dynamics(motion.q, motion.dq, motion.ddq, parameters)
+        return Context(self.robot, motion, load, parameters)
 
 
 def _weigh(rows: list[Rows], coefficients: list[FloatArray]) -> tuple[FloatArray, FloatArray]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
@@ -83,16 +83,20 @@ class CurrentModel:
         """Force (N, n) that the links need for a motion."""
         return self.robot.rigid_body.inverse_dynamics(motion.q, motion.dq, motion.ddq, self.link_parameters)
 
+    def context(self, motion: Motion, total: bool = False) -> Context:
+        """Return what effects see of a motion that starts a segment, with load, links and, if asked for, the total."""
+        load = self.load(motion)
+        return Context(self.robot, motion, load, self.link_parameters, self._ordinary(motion, load) if total else None)
+
     def friction(self, motion: Motion, memories: list[FloatArray] | None = None) -> FloatArray:
         """Force (N, n) of everything but links and rotors, carrying the memories forward (default: from a start)."""
-        return self._sum(
-            motion, self.load(motion), self.start() if memories is None else memories, (Links, RotorInertia)
-        )
+        load = self.load(motion)
+        rotors = self.rotor_inertia * motion.ddq
+        return self._all(motion, load, self.start() if memories is None else memories) - load - rotors
 
     def force(self, motion: Motion, memories: list[FloatArray]) -> FloatArray:
         """Force (N, n) of all effects, carrying the memories forward."""
-        load = self.load(motion)
-        return load + self._sum(motion, load, memories, (Links,))
+        return self._all(motion, self.load(motion), memories)
 
     def start(self) -> list[FloatArray]:
         """Memories of the terms at the start of a segment."""
@@ -130,14 +134,21 @@ class CurrentModel:
         motion = Motion(np.array([sample.t]), q[None], dq[None], ddq[None])
         return (self.force(motion, memories) / self.gain)[0]  # type: ignore[no-any-return]
 
-    def _sum(
-        self, motion: Motion, load: FloatArray, memories: list[FloatArray], without: tuple[type, ...]
-    ) -> FloatArray:
-        context = Context(self.robot, motion, load)
-        total = np.zeros_like(motion.q)
-        for term, memory in zip(self.terms, memories, strict=True):
-            effect = term.effect
-            if not isinstance(effect, without):
-                joints = slice(None) if effect.joint is None else effect.joint
-                total[:, joints] += effect.current(context, term.shape, term.coefficients, memory)
-        return total
+    def _ordinary(self, motion: Motion, load: FloatArray) -> FloatArray:
+        """Force (N, n) of the terms that do not need the total, from the start of a segment."""
+        ordinary = [term for term in self.terms if "total" not in term.effect.needs]
+        return replace(self, terms=tuple(ordinary))._all(motion, load, [term.effect.start() for term in ordinary])
+
+    def _all(self, motion: Motion, load: FloatArray, memories: list[FloatArray]) -> FloatArray:
+        """Force (N, n) of all terms: first those that do not need the total, then those that do."""
+        context = Context(self.robot, motion, load, self.link_parameters)
+        force = load.copy()
+        for late in (False, True):
+            if late:
+                context = replace(context, total=force.copy())
+            for term, memory in zip(self.terms, memories, strict=True):
+                effect = term.effect
+                if ("total" in effect.needs) == late and not isinstance(effect, Links):
+                    joints = slice(None) if effect.joint is None else effect.joint
+                    force[:, joints] += effect.current(context, term.shape, term.coefficients, memory)
+        return force

@@ -199,7 +199,7 @@ class _Held:
         design = settle(design, fold.train, drives, cutoff, rate)
         factors = factorise(design, design.rows(fold.train))
         solution = solve(design, factors)
-        design = replace(design, load=solved_model(design, solution, drives, cutoff, rate).load)
+        design = replace(design, known=solved_model(design, solution, drives, cutoff, rate).context)
         contexts = [[design.context(block.motion) for block in blocks] for blocks in (fold.train, fold.held_out)]
         return _Held(fold, design, factors, solution.weights, *contexts)
 

@@ -50,16 +50,64 @@ class Coefficient:
 
 @dataclass(frozen=True)
 class Context:
-    """What effects see of a log: the robot, its motion, and the current ``load`` (N, n) that its links need."""
+    """What effects see of a log.
+
+    Attributes:
+        robot: the robot.
+        motion: its motion, N samples.
+        load: force (N, n) that its links need; given to effects with ``load`` among their ``needs``.
+        links: link parameters (n, 10 n) that row j of the links' equations uses, in force units (``links``).
+        total: force (N, n) of all effects that do not themselves need the total (``total``).
+    """
 
     robot: Robot
     motion: Motion
     load: FloatArray | None = None
+    links: FloatArray | None = None
+    total: FloatArray | None = None
+
+    def needed(self, what: str, by: str) -> FloatArray:
+        """Return ``load``, ``links`` or ``total``.
+
+        Raises:
+            InputError: the context was made without it.
+        """
+        value: FloatArray | None = getattr(self, what)
+        if value is None:
+            raise InputError(f"it needs the {what} of a fitted model", f"effect {by}", f"give a Context with {what}")
+        return value
 
     @cached_property
     def link_regressor(self) -> FloatArray:
         """Joint torque regressor (N, n, 10 n) of the links, computed once for all effects that need it."""
         return self.robot.rigid_body.regressor(self.motion.q, self.motion.dq, self.motion.ddq)
+
+
+@dataclass(frozen=True)
+class Survey:
+    """What logs say that candidates are built from.
+
+    Attributes:
+        robot: the robot.
+        smoothing: speed (n,) over which each joint's sign of velocity turns [rad/s or m/s].
+        pace: mean speed (n,) [rad/s or m/s].
+        dry: friction force (n,) of each joint at its mean speed, in the model's force unit.
+        largest: largest force (n,) that a model of the logs gives, in its force unit.
+        per_newton_metre: force units per N m of each joint, (n,).
+        since: earliest time stamp [s].
+        rate: sampling rate [Hz].
+        reach: range (n,) of the joints' positions [rad or m].
+    """
+
+    robot: Robot
+    smoothing: FloatArray
+    pace: FloatArray
+    dry: FloatArray
+    largest: FloatArray
+    per_newton_metre: FloatArray
+    since: float
+    rate: float
+    reach: FloatArray
 
 
 @dataclass(frozen=True)
@@ -75,6 +123,9 @@ class Effect(ABC):
     Attributes:
         joint: joint it acts on, from 0; None acts on the whole robot with one set of coefficients.
         replaces: names of effects that it contains as a limit, and that leave a joint's model when it comes in.
+        needs: what of a fitted model its columns depend on: ``load``, ``links``, ``total``.
+        rivals: names of effects that it is easily taken for.
+        excitation: what the motion must contain for the effect to show.
     """
 
     joint: int | None
@@ -82,6 +133,9 @@ class Effect(ABC):
     name: ClassVar[str] = ""
     family: ClassVar[str] = ""
     replaces: ClassVar[tuple[str, ...]] = ()
+    needs: ClassVar[tuple[str, ...]] = ()
+    rivals: ClassVar[tuple[str, ...]] = ()
+    excitation: ClassVar[str] = "motion of the joint"
     catalogue: ClassVar[dict[str, type[Effect]]] = {}
 
     def __init_subclass__(cls) -> None:
@@ -120,6 +174,22 @@ class Effect(ABC):
     def start(self) -> FloatArray:
         """Memory as it stands at the start of a segment; empty for effects without memory."""
         return np.zeros(0)
+
+    @classmethod
+    def candidates(cls, survey: Survey, joint: int | None) -> list[Effect]:
+        """Forms in which the gap workflow tries the effect on one joint, or (None) on the whole robot.
+
+        By default one form on every joint and none on the whole robot.
+        """
+        return [] if joint is None else [cls(joint)]
+
+    def summary(self, robot: Robot, shape: FloatArray, coefficients: FloatArray) -> dict[str, float | list[float]]:
+        """Return what a finding reports of the fitted effect, by the contract's keys.
+
+        By default every shape parameter and coefficient under its own name.
+        """
+        names = [s.name for s in self.shapes] + [c.name for c in self.coefficients(robot)]
+        return dict(zip(names, [*shape.tolist(), *coefficients.tolist()], strict=True))
 
     def current(self, context: Context, shape: FloatArray, coefficients: FloatArray, memory: FloatArray) -> FloatArray:
         """Current (N,) at the effect's joint, or (N, n), that the effect causes."""

@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ident.arrays import FloatArray
-from ident.effects.base import Coefficient, Context, Effect
+from ident.effects.base import Coefficient, Context, Effect, Shape, Survey
+from ident.effects.transmission import GearRipple
 
 if TYPE_CHECKING:
     from ident.robot import Robot
@@ -20,6 +21,8 @@ class CurrentOffset(Effect):
 
     name = "current-offset"
     family = "electrical"
+    rivals = ("coulomb-asymmetry", "sensor-drift")
+    excitation = "motion in both directions and rest"
 
     def coefficients(self, robot: Robot) -> tuple[Coefficient, ...]:
         """Return the offset."""
@@ -28,3 +31,108 @@ class CurrentOffset(Effect):
     def columns(self, context: Context, shape: FloatArray, memory: FloatArray) -> FloatArray:
         """Return ones."""
         return np.ones((len(context.motion.t), 1))
+
+
+@dataclass(frozen=True)
+class DriveGain(Effect):
+    """A torque constant other than the model's: the joint needs its current times a factor, friction included."""
+
+    name = "drive-gain"
+    family = "electrical"
+    needs = ("total",)
+    rivals = ("payload", "torque-saturation")
+    excitation = "several loads and speeds, against a model or links that other joints' rows share"
+
+    def coefficients(self, robot: Robot) -> tuple[Coefficient, ...]:
+        """Return the share by which the joint draws more than the model says."""
+        return (Coefficient("excess", "1"),)
+
+    def columns(self, context: Context, shape: FloatArray, memory: FloatArray) -> FloatArray:
+        """Return what the model says."""
+        return context.needed("total", self.name)[:, self.at, None]
+
+    def summary(self, robot: Robot, shape: FloatArray, coefficients: FloatArray) -> dict[str, float | list[float]]:
+        """Return the true gain over the modelled one."""
+        return {"scale": float(1.0 / (1.0 + coefficients[0]))}
+
+
+@dataclass(frozen=True)
+class TorqueSaturation(Effect):
+    """Iron that saturates: at high current the torque falls short of proportional (Hanselman 2006, ch. 4).
+
+    The joint draws more than the model says by a share that grows with a power of the current.
+
+    Attributes:
+        largest: largest force that the model gives on the logs, where the share is reported.
+    """
+
+    largest: float = 1.0
+
+    name = "torque-saturation"
+    family = "electrical"
+    needs = ("total",)
+    rivals = ("load-friction", "drive-gain")
+    excitation = "the highest torques of both signs, at +dq and at -dq"
+
+    @classmethod
+    def candidates(cls, survey: Survey, joint: int | None) -> list[Effect]:
+        """Try it against the largest force seen."""
+        return [] if joint is None else [cls(joint, float(survey.largest[joint]))]
+
+    @property
+    def shapes(self) -> tuple[Shape, ...]:
+        """Return the power by which the missing share grows."""
+        return (Shape("power", "1", 0.5, 8.0, (2.0, 4.0)),)
+
+    def coefficients(self, robot: Robot) -> tuple[Coefficient, ...]:
+        """Return the excess at the largest force."""
+        return (Coefficient("excess", "1"),)
+
+    def columns(self, context: Context, shape: FloatArray, memory: FloatArray) -> FloatArray:
+        """Return total (|total| / largest)^power."""
+        total = context.needed("total", self.name)[:, self.at]
+        return (total * (np.abs(total) / max(self.largest, 1e-12) + 1e-9) ** float(shape[0]))[:, None]
+
+    def summary(self, robot: Robot, shape: FloatArray, coefficients: FloatArray) -> dict[str, float | list[float]]:
+        """Return the share of the torque that is lost at the largest current."""
+        excess = float(coefficients[0])
+        return {"share": excess / (1.0 + excess) if excess > 0 else -excess, "power": float(shape[0])}
+
+
+@dataclass(frozen=True)
+class SensorDrift(Effect):
+    """An offset of the current sensor that wanders steadily.
+
+    Attributes:
+        since: time stamp [s] at which the drift counts as nought.
+    """
+
+    since: float = 0.0
+
+    name = "sensor-drift"
+    family = "electrical"
+    rivals = ("thermal-friction", "current-offset")
+    excitation = "logs that last minutes, with motion both ways all through them"
+
+    @classmethod
+    def candidates(cls, survey: Survey, joint: int | None) -> list[Effect]:
+        """Try it from the earliest time stamp."""
+        return [] if joint is None else [cls(joint, survey.since)]
+
+    def coefficients(self, robot: Robot) -> tuple[Coefficient, ...]:
+        """Return the drift in an hour."""
+        return (Coefficient("per_hour", "{current}/h"),)
+
+    def columns(self, context: Context, shape: FloatArray, memory: FloatArray) -> FloatArray:
+        """Return the hours since the start."""
+        return ((context.motion.t - self.since) / 3600.0)[:, None]
+
+
+@dataclass(frozen=True)
+class Cogging(GearRipple):
+    """Torque that repeats with the motor's poles (Hanselman 2006, ch. 5); seen at the joint many times a turn."""
+
+    name = "cogging"
+    family = "electrical"
+    rivals = ("gear-ripple",)
+    excitation = "slow constant speeds at several loads, so that the ripple stays below half the sampling rate"

@@ -8,8 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ident.arrays import FloatArray
-from ident.effects.base import Coefficient, Context, Effect, Shape
-from ident.errors import InputError
+from ident.effects.base import Coefficient, Context, Effect, Shape, Survey
 
 if TYPE_CHECKING:
     from ident.robot import Robot
@@ -23,6 +22,11 @@ class VelocityEffect(Effect):
     """A friction effect; ``smoothing`` is the speed [rad/s or m/s] over which its sign of velocity turns."""
 
     smoothing: float = SMOOTHING
+
+    @classmethod
+    def candidates(cls, survey: Survey, joint: int | None) -> list[Effect]:
+        """Try it with the smoothing that the logs ask for."""
+        return [] if joint is None else [cls(joint, float(survey.smoothing[joint]))]
 
     def velocity(self, context: Context) -> FloatArray:
         """Return the joint's velocity (N,)."""
@@ -39,6 +43,8 @@ class Coulomb(VelocityEffect):
 
     name = "coulomb"
     family = "friction"
+    rivals = ("sigmoid", "maxwell-slip", "stribeck")
+    excitation = "motion in both directions"
 
     def coefficients(self, robot: Robot) -> tuple[Coefficient, ...]:
         """Return the friction force."""
@@ -55,6 +61,8 @@ class Viscous(VelocityEffect):
 
     name = "viscous"
     family = "friction"
+    rivals = ("viscous-nonlinear", "filter-lag")
+    excitation = "plateaus of several constant speeds"
 
     def coefficients(self, robot: Robot) -> tuple[Coefficient, ...]:
         """Return the damping."""
@@ -71,6 +79,8 @@ class CoulombAsymmetry(VelocityEffect):
 
     name = "coulomb-asymmetry"
     family = "friction"
+    rivals = ("current-offset",)
+    excitation = "motion and rest: slow torque ramps from standstill"
 
     def coefficients(self, robot: Robot) -> tuple[Coefficient, ...]:
         """Return half the difference of friction between motion in + and in - direction."""
@@ -87,6 +97,8 @@ class Stribeck(VelocityEffect):
 
     name = "stribeck"
     family = "friction"
+    rivals = ("sigmoid", "maxwell-slip", "viscous-nonlinear")
+    excitation = "constant speeds of 1 to 50 mrad/s, both ways"
 
     @property
     def shapes(self) -> tuple[Shape, ...]:
@@ -115,6 +127,8 @@ class Sigmoid(VelocityEffect):
     name = "sigmoid"
     family = "friction"
     replaces = ("coulomb",)
+    rivals = ("stribeck", "maxwell-slip", "viscous-nonlinear")
+    excitation = "constant speeds from a few mrad/s to the usual ones, both ways"
 
     @property
     def shapes(self) -> tuple[Shape, ...]:
@@ -150,6 +164,8 @@ class ViscousNonlinear(VelocityEffect):
     name = "viscous-nonlinear"
     family = "friction"
     replaces = ("viscous",)
+    rivals = ("stribeck", "sigmoid", "viscous")
+    excitation = "plateaus of several constant speeds up to the limit, both ways"
 
     @property
     def shapes(self) -> tuple[Shape, ...]:
@@ -180,6 +196,9 @@ class LoadFriction(VelocityEffect):
 
     name = "load-friction"
     family = "friction"
+    needs = ("load",)
+    rivals = ("torque-saturation", "position-friction")
+    excitation = "the same pose and torque crossed at +dq and at -dq, under different loads"
 
     def coefficients(self, robot: Robot) -> tuple[Coefficient, ...]:
         """Return the friction per unit of load, a pure number."""
@@ -187,9 +206,41 @@ class LoadFriction(VelocityEffect):
 
     def columns(self, context: Context, shape: FloatArray, memory: FloatArray) -> FloatArray:
         """Return sign(dq) |load|."""
-        if context.load is None:
-            raise InputError("load-friction needs the load on the links", self.name, "give a Context with a load")
-        return (self.direction(context) * np.abs(context.load[:, self.at]))[:, None]
+        load = context.needed("load", self.name)[:, self.at]
+        return (self.direction(context) * np.abs(load))[:, None]
+
+
+@dataclass(frozen=True)
+class PositionFriction(VelocityEffect):
+    """Dry friction that swings with the joint's angle: eccentric bearings, worn teeth, a seal that is out of round.
+
+    Friction that repeats with the turn of a gear stage has been measured on industrial robots (Simoni et al. 2019).
+    """
+
+    name = "position-friction"
+    family = "friction"
+    rivals = ("load-friction", "gear-ripple")
+    excitation = "the same angles crossed in both directions, over most of the range"
+
+    @property
+    def shapes(self) -> tuple[Shape, ...]:
+        """Return the swings a turn (a metre) of the joint."""
+        return (Shape("per_turn", "1", 0.3, 12.0, (1.0, 0.5, 2.0, 3.0, 4.0, 6.0, 8.0, 10.0), log=False),)
+
+    def coefficients(self, robot: Robot) -> tuple[Coefficient, ...]:
+        """Return the swing in and out of phase with the joint's zero."""
+        return (Coefficient("force_cos", "{current}"), Coefficient("force_sin", "{current}"))
+
+    def columns(self, context: Context, shape: FloatArray, memory: FloatArray) -> FloatArray:
+        """Return sign(dq) times cosine and sine of per_turn times the angle."""
+        phase = shape[0] * context.motion.q[:, self.at]
+        swing: FloatArray = self.direction(context)[:, None] * np.stack([np.cos(phase), np.sin(phase)], axis=1)
+        return swing
+
+    def summary(self, robot: Robot, shape: FloatArray, coefficients: FloatArray) -> dict[str, float | list[float]]:
+        """Return the size of the swing, its phase and its repeats."""
+        force, phase = float(np.hypot(*coefficients)), float(np.arctan2(coefficients[1], coefficients[0]))
+        return {"force": force, "per_turn": float(shape[0]), "phase": phase}
 
 
 def _logistic(x: FloatArray) -> FloatArray:

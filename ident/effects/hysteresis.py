@@ -9,7 +9,7 @@ import numpy as np
 
 from ident.arrays import FloatArray
 from ident.compiled import compiled
-from ident.effects.base import Coefficient, Context, Effect, Shape
+from ident.effects.base import Coefficient, Context, Effect, Shape, Survey
 
 if TYPE_CHECKING:
     from ident.robot import Robot
@@ -30,6 +30,8 @@ class MaxwellSlip(Effect):
 
     name = "maxwell-slip"
     family = "hysteresis"
+    rivals = ("sigmoid", "stribeck", "backlash", "cross-joint-hysteresis")
+    excitation = "small reversals and rests: a loop in position that is none in velocity"
 
     @property
     def shapes(self) -> tuple[Shape, ...]:
@@ -42,6 +44,12 @@ class MaxwellSlip(Effect):
             return (Coefficient("force", "{current}", lower=0.0),)
         return tuple(Coefficient(f"force_{k + 1}", "{current}", lower=0.0) for k in range(len(self.spread)))
 
+    def summary(self, robot: Robot, shape: FloatArray, coefficients: FloatArray) -> dict[str, float | list[float]]:
+        """Return the force of all elements, and their mean saturation displacement weighted by force."""
+        force = float(coefficients.sum())
+        slip = shape[0] * np.array(self.spread)
+        return {"force": force, "slip": float(slip @ coefficients / force) if force > 0 else float(shape[0])}
+
     def start(self) -> FloatArray:
         """Return the elements' positions: not known before the first sample."""
         return np.full(len(self.spread), np.nan)
@@ -52,6 +60,81 @@ class MaxwellSlip(Effect):
         position = np.ascontiguousarray(context.motion.q[:, self.at])
         forces: FloatArray = _slip_forces(position, slip, memory)
         return forces
+
+
+@dataclass(frozen=True)
+class CrossJointHysteresis(Effect):
+    """A hysteretic force that another joint's motion drives: cables, seals and coupled gears that both joints move.
+
+    One Maxwell element on the displacement of the other joint (the paper's Eq. 1 and 2 with that joint's position).
+
+    Attributes:
+        source: the other joint, from 0.
+    """
+
+    source: int = 0
+
+    name = "cross-joint-hysteresis"
+    family = "hysteresis"
+    rivals = ("cross-joint-friction", "maxwell-slip")
+    excitation = "the other joint moving to and fro while this one stands or moves on"
+
+    @classmethod
+    def candidates(cls, survey: Survey, joint: int | None) -> list[Effect]:
+        """Try every other joint as the source."""
+        return [] if joint is None else [cls(joint, k) for k in range(survey.robot.n) if k != joint]
+
+    @property
+    def shapes(self) -> tuple[Shape, ...]:
+        """Return the saturation displacement of the other joint."""
+        return (Shape("slip", "{angle}", 1e-4, 0.5, (1e-3, 5e-3, 2e-2, 0.1)),)
+
+    def coefficients(self, robot: Robot) -> tuple[Coefficient, ...]:
+        """Return the saturation force."""
+        return (Coefficient("force", "{current}"),)
+
+    def start(self) -> FloatArray:
+        """Return the element's position: not known before the first sample."""
+        return np.full(1, np.nan)
+
+    def columns(self, context: Context, shape: FloatArray, memory: FloatArray) -> FloatArray:
+        """Return the element's force over its saturation force."""
+        forces: FloatArray = _slip_forces(np.ascontiguousarray(context.motion.q[:, self.source]), shape, memory)
+        return forces
+
+
+@dataclass(frozen=True)
+class Backlash(Effect):
+    """Play between motor and link: after a reversal the motor crosses the gap without the link's load.
+
+    The position of the motor inside the gap is a play operator on the joint's position (Nordin and Gutman 2002).
+    """
+
+    name = "backlash"
+    family = "hysteresis"
+    needs = ("load",)
+    rivals = ("maxwell-slip", "elasticity")
+    excitation = "reversals under load, and changes of the load's sign"
+
+    @property
+    def shapes(self) -> tuple[Shape, ...]:
+        """Return the gap."""
+        return (Shape("gap", "{angle}", 2e-5, 2e-2, (1e-3, 2e-4, 4e-3)),)
+
+    def coefficients(self, robot: Robot) -> tuple[Coefficient, ...]:
+        """Return the share of the load that is missing inside the gap."""
+        return (Coefficient("share", "1"),)
+
+    def start(self) -> FloatArray:
+        """Return the link's position: not known before the first sample."""
+        return np.full(1, np.nan)
+
+    def columns(self, context: Context, shape: FloatArray, memory: FloatArray) -> FloatArray:
+        """Return minus the load where the motor is inside the gap."""
+        load = context.needed("load", self.name)[:, self.at]
+        position = np.ascontiguousarray(context.motion.q[:, self.at])
+        inside = np.abs(_slip_forces(position, 0.5 * shape, memory)[:, 0]) < 1.0 - 1e-9
+        return (-load * inside)[:, None]
 
 
 @compiled

@@ -57,6 +57,8 @@ class RotorInertia(Effect):
 
     name = "rotor-inertia"
     family = "rigid-body"
+    rivals = ("delay", "filter-lag", "elasticity")
+    excitation = "accelerations at several frequencies, the other joints in several poses"
 
     def coefficients(self, robot: Robot) -> tuple[Coefficient, ...]:
         """Return the reflected inertia."""
@@ -73,6 +75,8 @@ class CableSpring(Effect):
 
     name = "cable-spring"
     family = "rigid-body"
+    rivals = ("gravity-balancer", "gear-ripple")
+    excitation = "the joint's whole range, with the other joints in several poses"
 
     def coefficients(self, robot: Robot) -> tuple[Coefficient, ...]:
         """Return the stiffness at zero, and its growth with the angle's square."""

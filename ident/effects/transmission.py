@@ -3,16 +3,21 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 
 from ident.arrays import FloatArray
-from ident.effects.base import Coefficient, Context, Effect, Shape
+from ident.compiled import compiled
+from ident.effects.base import Coefficient, Context, Effect, Shape, Survey
 from ident.effects.friction import VelocityEffect
 
 if TYPE_CHECKING:
     from ident.robot import Robot
+
+
+MOST_REPEATS = 800
+"""Repeats a turn of the joint that are searched: a motor of eight poles behind a gear of one to a hundred."""
 
 
 @dataclass(frozen=True)
@@ -27,6 +32,15 @@ class CrossJointFriction(VelocityEffect):
 
     name = "cross-joint-friction"
     family = "transmission"
+    rivals = ("coulomb", "viscous", "cross-joint-hysteresis")
+    excitation = "the two joints moving alone, together and against one another"
+
+    @classmethod
+    def candidates(cls, survey: Survey, joint: int | None) -> list[Effect]:
+        """Try every other joint as the source."""
+        if joint is None:
+            return []
+        return [cls(joint, float(survey.smoothing[joint]), k) for k in range(survey.robot.n) if k != joint]
 
     @property
     def shapes(self) -> tuple[Shape, ...]:
@@ -63,6 +77,15 @@ class GearRipple(Effect):
 
     name = "gear-ripple"
     family = "transmission"
+    rivals: ClassVar[tuple[str, ...]] = ("cogging", "cable-spring", "position-friction")
+    excitation = "slow constant speeds, so that the ripple stays below half the sampling rate"
+
+    @classmethod
+    def candidates(cls, survey: Survey, joint: int | None) -> list[Effect]:
+        """Try it on turning joints, up to the repeats that a motor turn can have."""
+        if joint is None or survey.robot.multibody.prismatic[joint]:
+            return []
+        return [cls(joint, MOST_REPEATS)]
 
     @property
     def shapes(self) -> tuple[Shape, ...]:
@@ -74,6 +97,11 @@ class GearRipple(Effect):
         """Return the amplitudes in and out of phase with the joint's zero."""
         return (Coefficient("force_sin", "{current}"), Coefficient("force_cos", "{current}"))
 
+    def summary(self, robot: Robot, shape: FloatArray, coefficients: FloatArray) -> dict[str, float | list[float]]:
+        """Return the amplitude, its repeats a turn of the joint, and its phase at the joint's zero."""
+        force, phase = float(np.hypot(*coefficients)), float(np.arctan2(coefficients[1], coefficients[0]))
+        return {"force": force, "per_turn": float(shape[0]), "phase": phase}
+
     def columns(self, context: Context, shape: FloatArray, memory: FloatArray) -> FloatArray:
         """Return sine and cosine of per_turn times the angle."""
         phase = shape[0] * context.motion.q[:, self.at]
@@ -84,3 +112,56 @@ class GearRipple(Effect):
         angle = context.motion.q[:, self.at]
         phase = shape[0] * angle
         return np.stack([angle * np.cos(phase), -angle * np.sin(phase)], axis=1)[None]
+
+
+@dataclass(frozen=True)
+class Elasticity(Effect):
+    """A spring between motor and link (Spong 1987): the link lags behind the motor by the load over the stiffness.
+
+    To first order in the compliance the motor then carries less inertia and another weight:
+    ``-(M_jj load'' + d(load)/dq load) / stiffness``.
+    """
+
+    name = "elasticity"
+    family = "transmission"
+    needs = ("load", "links")
+    rivals = ("rotor-inertia", "delay", "backlash")
+    excitation = "fast motion: accelerations at a third of the resonance and above"
+
+    def coefficients(self, robot: Robot) -> tuple[Coefficient, ...]:
+        """Return the compliance."""
+        return (Coefficient("compliance", "{angle}/{current}"),)
+
+    def start(self) -> FloatArray:
+        """Return times and loads of the last two samples, not known before."""
+        return np.full(4, np.nan)
+
+    def columns(self, context: Context, shape: FloatArray, memory: FloatArray) -> FloatArray:
+        """Return the first-order change of the load by a unit of compliance."""
+        links, joint = context.needed("links", self.name), self.at
+        load = np.ascontiguousarray(context.needed("load", self.name)[:, joint])
+        body, q, rest = context.robot.rigid_body, context.motion.q, np.zeros_like(context.motion.q)
+        inertia = body.mass_matrix(q, links)[:, joint, joint]
+        step = np.zeros(context.robot.n)
+        step[joint] = 1e-4
+        sides = [body.inverse_dynamics(q + sign * step, rest, rest, links)[:, joint] for sign in (1.0, -1.0)]
+        slope = (sides[0] - sides[1]) / 2e-4
+        bend = _second_difference(np.ascontiguousarray(context.motion.t), load, memory)
+        return -(inertia * bend + slope * load)[:, None]
+
+    def summary(self, robot: Robot, shape: FloatArray, coefficients: FloatArray) -> dict[str, float | list[float]]:
+        """Return the stiffness."""
+        return {"stiffness": float(1.0 / coefficients[0]) if coefficients[0] else float("inf")}
+
+
+@compiled
+def _second_difference(t: FloatArray, x: FloatArray, memory: FloatArray) -> FloatArray:
+    """Second derivative at the middle of the last three samples; nought until there are three."""
+    out = np.zeros(len(t))
+    t2, t1, x2, x1 = memory
+    for k in range(len(t)):
+        if not np.isnan(t2):
+            out[k] = 2.0 * ((x[k] - x1) / (t[k] - t1) - (x1 - x2) / (t1 - t2)) / (t[k] - t2)
+        t2, t1, x2, x1 = t1, t[k], x1, x[k]
+    memory[0], memory[1], memory[2], memory[3] = t2, t1, x2, x1
+    return out

@@ -22,7 +22,13 @@ SLIDE = """<robot name="slide"><link name="a"/><link name="b"><inertial><mass va
 
 # Those made here for a test, or standing in for another effect's shapes, are no part of the catalogue.
 CATALOGUE = {name: kind for name, kind in load_catalogue().items() if kind.__module__.startswith("ident.effects.")}
+WHOLE = ("payload", "base-tilt")
 SHAPED = sorted(name for name, kind in CATALOGUE.items() if kind(1).shapes)
+
+
+def acting(name):
+    """An effect of that name, on the second joint unless it only ever acts on the whole robot."""
+    return CATALOGUE[name](None if name in WHOLE else 1)
 
 
 @pytest.fixture(scope="module")
@@ -32,18 +38,22 @@ def context(vs060, swinging):
     rest = motion.q.copy(), motion.dq.copy(), motion.ddq.copy()
     rest[0][100:140], rest[1][100:140], rest[2][100:140] = motion.q[100], 0.0, 0.0
     motion = Motion(motion.t, *rest)
-    return Context(vs060, motion, np.random.default_rng(3).normal(size=motion.q.shape))
+    load, total = np.random.default_rng(3).normal(size=(2, *motion.q.shape))
+    links = np.tile(vs060.multibody.parameters, (6, 1))
+    return Context(vs060, motion, load, links, total)
 
 
 def part(context, rows):
-    return Context(context.robot, context.motion[rows], context.load[rows])
+    return Context(context.robot, context.motion[rows], context.load[rows], context.links, context.total[rows])
 
 
 def test_the_catalogue_has_the_contracts_names():
-    assert {
-        "links", "rotor-inertia", "cable-spring", "coulomb", "viscous", "coulomb-asymmetry", "stribeck", "sigmoid",
-        "viscous-nonlinear", "load-friction", "maxwell-slip", "cross-joint-friction", "gear-ripple", "current-offset",
-    } <= set(CATALOGUE)  # fmt: skip
+    contract = """payload base-tilt
+    cable-spring gravity-balancer rotor-inertia coulomb viscous coulomb-asymmetry stribeck
+    sigmoid viscous-nonlinear load-friction position-friction thermal-friction maxwell-slip cross-joint-hysteresis
+    backlash cross-joint-friction elasticity gear-ripple drive-gain torque-saturation current-offset sensor-drift
+    cogging delay filter-lag contact"""
+    assert set(CATALOGUE) == {*contract.split(), "links"}
     families = {"rigid-body", "friction", "hysteresis", "transmission", "electrical", "timing", "contact"}
     assert {kind.family for kind in CATALOGUE.values()} <= families
 
@@ -69,20 +79,22 @@ def test_gradients_are_central_differences(context, name, start):
 @pytest.mark.parametrize("name", sorted(CATALOGUE))
 @pytest.mark.parametrize("size", [1, 7, 150])
 def test_memory_makes_blocks_as_good_as_the_whole(context, name, size):
-    effect = CATALOGUE[name](1)
+    effect = acting(name)
     shape = initial_term(effect).shape
     whole = effect.columns(context, shape, effect.start())
     memory = effect.start()
     rows = range(0, len(context.motion), size)
     pieces = [effect.columns(part(context, slice(k, k + size)), shape, memory) for k in rows]
     np.testing.assert_allclose(np.concatenate(pieces), whole, rtol=1e-12, atol=1e-12)
-    assert whole.shape == (len(context.motion), len(effect.coefficients(context.robot)))
+    rows = len(context.motion)
+    of_one = (rows,) if effect.joint is not None else (rows, 6)
+    assert whole.shape == (*of_one, len(effect.coefficients(context.robot)))
     assert np.all(np.isfinite(whole))
 
 
 @pytest.mark.parametrize("name", sorted(CATALOGUE))
 def test_units_are_written_out_and_bounds_hold_the_starts(vs060, name):
-    effect = CATALOGUE[name](1)
+    effect = acting(name)
     for force_unit in (NEWTON_METRE, "%Use"):
         model = CurrentModel(vs060, (initial_term(effect),), 5.0, 100.0, np.ones(6), force_unit)
         units = [model.unit_of(effect, p) for p in (*effect.shapes, *effect.coefficients(vs060))]
@@ -95,8 +107,8 @@ def test_units_are_written_out_and_bounds_hold_the_starts(vs060, name):
 
 
 @pytest.mark.parametrize("name", sorted(CATALOGUE))
-def test_what_an_effect_replaces_exists_in_its_family(name):
-    for replaced in CATALOGUE[name].replaces:
+def test_what_an_effect_replaces_and_its_rivals_exist(name):
+    for replaced in (*CATALOGUE[name].replaces, *CATALOGUE[name].rivals):
         assert replaced in CATALOGUE
         assert replaced != name
 

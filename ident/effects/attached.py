@@ -1,0 +1,121 @@
+"""Rigid-body family, what was changed around the arm: a payload, the base's tilt, a gravity balancer."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ident.arrays import FloatArray
+from ident.effects.base import Coefficient, Context, Effect, Shape, Survey
+
+if TYPE_CHECKING:
+    from ident.robot import Robot
+
+
+@dataclass(frozen=True)
+class Payload(Effect):
+    """A body held by the last link that the model does not know (Khalil, Gautier and Lemoine 2007).
+
+    Linear in its mass and first moments; its inertia about its own centre is left out.
+
+    Attributes:
+        per_newton_metre: force units per N m of each joint, (n,); ones in a model whose drive gains are known.
+    """
+
+    per_newton_metre: tuple[float, ...] = ()
+
+    name = "payload"
+    family = "rigid-body"
+    rivals = ("drive-gain", "base-tilt")
+    excitation = "static poses in which the wrist axes point several ways, against a model of the unloaded arm"
+
+    @classmethod
+    def candidates(cls, survey: Survey, joint: int | None) -> list[Effect]:
+        """Try it on the whole robot."""
+        return [cls(None, tuple(survey.per_newton_metre.tolist()))] if joint is None else []
+
+    def coefficients(self, robot: Robot) -> tuple[Coefficient, ...]:
+        """Return mass and first moments in the last link's frame."""
+        moments = (Coefficient(name, "kg m") for name in ("mx", "my", "mz"))
+        return (Coefficient("mass", "kg"), *moments)
+
+    def columns(self, context: Context, shape: FloatArray, memory: FloatArray) -> FloatArray:
+        """Return the link regressor's columns of the last link."""
+        last = 10 * int(context.robot.multibody.tree.order[-1])
+        columns = context.link_regressor[:, :, last : last + 4]
+        return columns * np.array(self.per_newton_metre)[:, None] if self.per_newton_metre else columns
+
+    def summary(self, robot: Robot, shape: FloatArray, coefficients: FloatArray) -> dict[str, float | list[float]]:
+        """Return mass and centre of mass."""
+        mass = float(coefficients[0])
+        return {"mass": mass, "com": (coefficients[1:] / (mass if mass else np.nan)).tolist()}
+
+
+@dataclass(frozen=True)
+class BaseTilt(Effect):
+    """A base that does not stand as the model says: gravity comes from another side (roll about x, then pitch about y).
+
+    Linear for the few degrees that a base is ever off; it loads an upright first joint, which no payload does.
+    """
+
+    name = "base-tilt"
+    family = "rigid-body"
+    needs = ("links",)
+    rivals = ("payload", "current-offset")
+    excitation = "static poses all around the first axis"
+
+    @classmethod
+    def candidates(cls, survey: Survey, joint: int | None) -> list[Effect]:
+        """Try it on the whole robot."""
+        return [cls(None)] if joint is None else []
+
+    def coefficients(self, robot: Robot) -> tuple[Coefficient, ...]:
+        """Return the two angles."""
+        return (Coefficient("roll", "rad"), Coefficient("pitch", "rad"))
+
+    def columns(self, context: Context, shape: FloatArray, memory: FloatArray) -> FloatArray:
+        """Return the weight of the links under gravity's change with roll and with pitch."""
+        links = context.needed("links", self.name)
+        body, rest = context.robot.rigid_body, np.zeros_like(context.motion.q)
+        gravity = np.asarray(context.robot.multibody.gravity, dtype=float)
+        turned = [np.cross(gravity, axis) for axis in np.eye(3)[:2]]
+        weights = [body.inverse_dynamics(context.motion.q, rest, rest, links, g) for g in turned]
+        return np.stack(weights, axis=2)
+
+
+@dataclass(frozen=True)
+class GravityBalancer(Effect):
+    """A spring between two pins that relieves a joint of gravity (Chung et al. 2016).
+
+    The pins, at radii a and b from the axis, are ``sqrt(a^2 + b^2 - 2 a b cos x)`` apart at the angle x from neutral.
+    A spring of stiffness k and free length l pulls with the torque ``k a b sin x (1 - l / distance)``.
+    """
+
+    name = "gravity-balancer"
+    family = "rigid-body"
+    rivals = ("cable-spring", "payload")
+    excitation = "the joint's whole range, slowly, with the joints beyond it in several poses"
+
+    @classmethod
+    def candidates(cls, survey: Survey, joint: int | None) -> list[Effect]:
+        """Try it on turning joints."""
+        return [] if joint is None or survey.robot.multibody.prismatic[joint] else [cls(joint)]
+
+    @property
+    def shapes(self) -> tuple[Shape, ...]:
+        """Return 2 a b / (a^2 + b^2) and the neutral angle."""
+        return (
+            Shape("lever", "1", 0.1, 0.98, (0.6, 0.9), log=False),
+            Shape("neutral", "{angle}", -3.3, 3.3, (0.0, 1.57, 3.1, -1.57, 0.8, -0.8, 2.36, -2.36), log=False),
+        )
+
+    def coefficients(self, robot: Robot) -> tuple[Coefficient, ...]:
+        """Return the spring's torque on a long lever, and what its free length takes from it."""
+        return (Coefficient("force", "{current}"), Coefficient("preload", "{current}"))
+
+    def columns(self, context: Context, shape: FloatArray, memory: FloatArray) -> FloatArray:
+        """Return sin x and sin x over the pins' distance."""
+        x = context.motion.q[:, self.at] - shape[1]
+        return np.stack([np.sin(x), np.sin(x) / np.sqrt(1.0 - shape[0] * np.cos(x))], axis=1)

@@ -1,0 +1,83 @@
+"""Friction family, slow part: friction that changes as the joint warms up."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ident.arrays import FloatArray
+from ident.compiled import compiled
+from ident.effects.base import Coefficient, Context, Effect, Shape, Survey
+from ident.effects.friction import VelocityEffect
+
+if TYPE_CHECKING:
+    from ident.robot import Robot
+
+
+@dataclass(frozen=True)
+class ThermalFriction(VelocityEffect):
+    """Friction that changes while the grease warms up (Bittencourt and Gunnarsson 2012).
+
+    The joint's heat follows its dissipated power, taken as proportional to speed, with one time constant; a segment
+    starts cold. Dry and viscous friction change in proportion to the heat.
+
+    Attributes:
+        pace: mean speed [rad/s or m/s] of the joint, which brings the heat to one.
+        coulomb: dry friction of the cold joint in force units, against which the share is reported.
+    """
+
+    pace: float = 1.0
+    coulomb: float = 1.0
+
+    name = "thermal-friction"
+    family = "friction"
+    rivals = ("sensor-drift",)
+    excitation = "several minutes of steady motion in both directions from a cold start"
+
+    @classmethod
+    def candidates(cls, survey: Survey, joint: int | None) -> list[Effect]:
+        """Try it with the joint's own pace and dry friction."""
+        if joint is None:
+            return []
+        figures = survey.smoothing, survey.pace, survey.dry
+        return [cls(joint, *(float(figure[joint]) for figure in figures))]
+
+    @property
+    def shapes(self) -> tuple[Shape, ...]:
+        """Return the time constant."""
+        return (Shape("seconds", "s", 5.0, 5000.0, (120.0, 20.0, 40.0, 400.0, 1500.0)),)
+
+    def coefficients(self, robot: Robot) -> tuple[Coefficient, ...]:
+        """Return what dry and viscous friction gain at a heat of one."""
+        return (Coefficient("force", "{current}"), Coefficient("damping", "{current} s/{angle}"))
+
+    def start(self) -> FloatArray:
+        """Return the heat and the time of the last sample, not known before the first."""
+        return np.array([0.0, np.nan])
+
+    def columns(self, context: Context, shape: FloatArray, memory: FloatArray) -> FloatArray:
+        """Return heat times sign(dq), and heat times dq."""
+        velocity = self.velocity(context)
+        power = np.abs(velocity) / max(self.pace, 1e-9)
+        heat = _heat(np.ascontiguousarray(context.motion.t), np.nan_to_num(power), float(shape[0]), memory)
+        return heat[:, None] * np.stack([self.direction(context), velocity], axis=1)
+
+    def summary(self, robot: Robot, shape: FloatArray, coefficients: FloatArray) -> dict[str, float | list[float]]:
+        """Return the share of dry and viscous friction at the mean speed that is lost when warm, and the time."""
+        change = coefficients[0] + coefficients[1] * self.pace
+        return {"share": float(-change / max(abs(self.coulomb), 1e-12)), "seconds": float(shape[0])}
+
+
+@compiled
+def _heat(t: FloatArray, power: FloatArray, seconds: float, memory: FloatArray) -> FloatArray:
+    out = np.empty(len(t))
+    heat, last = memory[0], memory[1]
+    for k in range(len(t)):
+        if not np.isnan(last):
+            heat += (1.0 - np.exp(-(t[k] - last) / seconds)) * (power[k] - heat)
+        last = t[k]
+        out[k] = heat
+    memory[0], memory[1] = heat, last
+    return out

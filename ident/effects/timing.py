@@ -1,0 +1,113 @@
+"""Timing family: a current that is reported late, or through a filter."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ident.arrays import FloatArray
+from ident.compiled import compiled
+from ident.effects.base import Coefficient, Context, Effect, Shape, Survey
+
+if TYPE_CHECKING:
+    from ident.robot import Robot
+
+
+@dataclass(frozen=True)
+class _Timing(Effect):
+    """An effect on the whole of the reported current, of one joint or of all."""
+
+    @classmethod
+    def candidates(cls, survey: Survey, joint: int | None) -> list[Effect]:
+        """Try it on single joints and on the whole robot."""
+        return [cls(joint)]
+
+    def signal(self, context: Context) -> FloatArray:
+        """Return the total force (N, 1), or (N, n), that comes late."""
+        total = context.needed("total", self.name)
+        return np.ascontiguousarray(total if self.joint is None else total[:, self.joint, None])
+
+    def start(self) -> FloatArray:
+        """Return the last time and values, not known before the first sample."""
+        return np.full(1 + MOST_JOINTS, np.nan)
+
+
+MOST_JOINTS = 32
+"""Joints for which the memory has room."""
+
+
+@dataclass(frozen=True)
+class Delay(_Timing):
+    """A current that is stamped late, or a position that is stamped early: to first order minus its rate of change."""
+
+    name = "delay"
+    family = "timing"
+    needs = ("total",)
+    rivals = ("filter-lag", "rotor-inertia")
+    excitation = "several frequencies: gravity and the edges of friction come late too, not inertia alone"
+
+    def coefficients(self, robot: Robot) -> tuple[Coefficient, ...]:
+        """Return the delay."""
+        return (Coefficient("seconds", "s"),)
+
+    def columns(self, context: Context, shape: FloatArray, memory: FloatArray) -> FloatArray:
+        """Return minus the rate of the total."""
+        rate = _rate(np.ascontiguousarray(context.motion.t), self.signal(context), memory)
+        return -rate if self.joint is not None else -rate[:, :, None]
+
+
+@dataclass(frozen=True)
+class FilterLag(_Timing):
+    """A current that passes a first-order low pass before it is logged."""
+
+    name = "filter-lag"
+    family = "timing"
+    needs = ("total",)
+    rivals = ("delay", "viscous")
+    excitation = "quick changes of current next to plateaus of constant speed"
+
+    @property
+    def shapes(self) -> tuple[Shape, ...]:
+        """Return the corner frequency."""
+        return (Shape("hertz", "Hz", 0.2, 60.0, (8.0, 1.0, 3.0, 20.0)),)
+
+    def coefficients(self, robot: Robot) -> tuple[Coefficient, ...]:
+        """Return the share of the current that passes the filter; one for a plain low pass."""
+        return (Coefficient("share", "1", lower=0.0),)
+
+    def columns(self, context: Context, shape: FloatArray, memory: FloatArray) -> FloatArray:
+        """Return the low pass of the total less the total."""
+        signal = self.signal(context)
+        lag = _low_pass(np.ascontiguousarray(context.motion.t), signal, float(shape[0]), memory) - signal
+        return lag if self.joint is not None else lag[:, :, None]
+
+
+@compiled
+def _rate(t: FloatArray, x: FloatArray, memory: FloatArray) -> FloatArray:
+    """Backward difference; nought at the first sample."""
+    out = np.zeros_like(x)
+    for k in range(len(t)):
+        for j in range(x.shape[1]):
+            if not np.isnan(memory[0]):
+                out[k, j] = (x[k, j] - memory[1 + j]) / (t[k] - memory[0])
+            memory[1 + j] = x[k, j]
+        memory[0] = t[k]
+    return out
+
+
+@compiled
+def _low_pass(t: FloatArray, x: FloatArray, hertz: float, memory: FloatArray) -> FloatArray:
+    """First-order low pass, exact for an input that is constant between samples; settled at the first."""
+    out = np.empty_like(x)
+    for k in range(len(t)):
+        for j in range(x.shape[1]):
+            if np.isnan(memory[0]):
+                memory[1 + j] = x[k, j]
+            else:
+                share = 1.0 - np.exp(-2.0 * np.pi * hertz * (t[k] - memory[0]))
+                memory[1 + j] += share * (x[k, j] - memory[1 + j])
+            out[k, j] = memory[1 + j]
+        memory[0] = t[k]
+    return out
