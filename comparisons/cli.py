@@ -19,6 +19,7 @@ DEBUG = "SENSORLESS_DEBUG"
 """Environment variable that makes a fault of the program print its traceback."""
 
 COMMANDS = {
+    "compare": "Compare estimators on the same logs: how they err, what they feel, what they cost.",
     "convert": "Convert a log to CSV or Parquet, in the columns and units of the contract.",
     "doctor": "Check that everything the program stands on is there and works.",
     "demo": "Identify the virtual VS060, without any hardware.",

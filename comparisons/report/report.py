@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import math
 import re
 from collections.abc import Sequence
@@ -25,10 +26,11 @@ NOTHING = "–"
 
 @dataclass(frozen=True)
 class Cell:
-    """A table cell: what it shows, and the number by which its column is sorted, if it is one."""
+    """A table cell: what it shows, the number that sorts its column, if it is one, and whether it stands out."""
 
     text: str
     number: float | None
+    strong: bool = False
 
 
 @dataclass
@@ -78,7 +80,7 @@ class Report:
 
         Args:
             columns: their titles, with units in brackets.
-            rows: cells; numbers are shown with four digits, None and NaN as a dash.
+            rows: cells; numbers are shown with four digits, None and NaN as a dash, what `strong` returns in bold.
             caption: what the table shows.
 
         Raises:
@@ -133,7 +135,14 @@ def _inline(text: str) -> Markup:
     return Markup(re.sub(r"`([^`]+)`", r"<code>\1</code>", str(escape(text))))
 
 
+def strong(value: Any) -> Cell:
+    """Return a value as a cell of a table that stands out from the others of its column."""
+    return dataclasses.replace(_cell(value), strong=True)
+
+
 def _cell(value: Any) -> Cell:
+    if isinstance(value, Cell):
+        return value
     if isinstance(value, np.generic):
         value = value.item()
     if value is None or (isinstance(value, float) and math.isnan(value)):
