@@ -80,7 +80,7 @@ def low_pass(values: FloatArray, log: JointLog, bandwidth: float) -> FloatArray:
     """
     leaves = -np.expm1(-2.0 * np.pi * bandwidth / log.rate)
     out = np.full(values.shape, np.nan)
-    good: BoolArray = np.isfinite(values).all(axis=1)
+    good: BoolArray = np.asarray(np.isfinite(values).all(axis=1))
     for segment in log.segments():
         rows = segment.start + np.flatnonzero(good[segment])
         if len(rows):

@@ -40,7 +40,7 @@ GROUPS["all"] = (*GROUPS["default"], *GROUPS["learned"])
 Preset = Literal["quick", "paper"]
 
 PRESETS: dict[str, dict[str, Any]] = {
-    "quick": {"epochs": 12, "patience": 4, "width": 64},
+    "quick": {"epochs": 15, "patience": 5, "batch": 256, "width": 64},
     "paper": {},
 }
 """Training options in place of those that a method suggests, which are the paper's for its own methods."""

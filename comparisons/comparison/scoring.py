@@ -13,6 +13,7 @@ from comparisons.metrics import contact_figures, error_figures, rmse
 from ident.arrays import BoolArray, FloatArray
 from ident.errors import InputError
 from ident.log import JointLog
+from ident.model import CurrentModel
 from observers.contact import ContactDetector
 from observers.residual import Flag, Residual, ResidualEstimator
 from observers.thresholds import Threshold, fit_threshold
@@ -58,10 +59,20 @@ def score(contestant: Contestant, tests: HeldOut, bandwidth: float) -> Score:
         "skipped": {log.name: int(unknown[rows].sum()) for log, rows in zip(tests.logs, tests.rows, strict=True)},
         "smoothed": error_figures(smooth, tests.regimes),
         **_contact(tests, smooth, contestant.gain),
+        **_without_lag(contestant, tests),
     }
     if contestant.gain is not None:
         figures["torque"] = {name: value * np.abs(contestant.gain) for name, value in own.items()}
     return Score(contestant, error, smooth, figures)
+
+
+def _without_lag(contestant: Contestant, tests: HeldOut) -> dict[str, FloatArray]:
+    """Error of a physical model's prediction with the filters that do not lag, which no robot can run online."""
+    model = contestant.model
+    if contestant.observer is not None or not isinstance(model, CurrentModel):
+        return {}
+    error = np.concatenate([model.predict(log) - log.current for log in tests.logs])
+    return {"rmse_without_lag": rmse(error, tests.regimes.masks()["rmse"])}
 
 
 def _residual(estimator: ResidualEstimator, log: JointLog) -> FloatArray:

@@ -61,6 +61,10 @@ def _prediction(report: Report, robot: Robot, comparison: Comparison) -> None:
         "the next table has them."
     )
     _joint_table(report, robot, direct, lambda one: one["rmse"], f"RMSE [{robot.unit}], least in bold")
+    offline = {name: one for name, one in direct.items() if "rmse_without_lag" in one}
+    if offline:
+        what = f"RMSE [{robot.unit}] with filters that do not lag, as `identify` reports it and no robot can run online"
+        _joint_table(report, robot, offline, lambda one: one["rmse_without_lag"], what)
     spread = {name: one for name, one in direct.items() if "rmse_spread" in one}
     if spread:
         what = f"Standard deviation of that RMSE over the seeds [{robot.unit}]"
@@ -88,9 +92,10 @@ def _rest(report: Report, comparison: Comparison, unit: str) -> None:
         "Bias is the mean residual over static frames: stops after motion either way cancel in it, but not in the root "
         "mean square. Drift is how far the residual runs away in a minute of rest, whichever way; the noise of the "
         "current alone makes some of it. Before a joint has moved, a method with memory cannot know how it came to "
-        "rest; those frames count everywhere, and are told apart here. Mean over joints; bias without its sign."
+        "rest; those frames count everywhere, and the RMS after and before the first motion tells them apart. Mean "
+        "over joints; bias without its sign."
     )
-    columns = ["method", "memory", "static RMS", "bias", "drift a minute", "RMS after first motion", "before it"]
+    columns = ["method", "memory", "static RMS", "bias", "drift a minute", "after first motion", "before it"]
     rows = []
     for name, one in comparison.methods.items():
         own = one["smoothed"]
@@ -130,13 +135,14 @@ def _contacts(report: Report, methods: dict[str, Figures]) -> None:
 def _cost(report: Report, methods: dict[str, Figures]) -> None:
     report.section("What it costs")
     report.figure(
-        figures.step_times(methods), "A step, from sample to residual: the dot half the steps, the line to 99 %"
+        figures.step_times(methods),
+        "Time of a step, from sample to residual: the dot is the median, the line goes to the 99th percentile",
     )
     keys = ("step_us_p50", "step_us_p99", "parameters", "training_seconds")
     rows = [[name, *(one[key] for key in keys)] for name, one in methods.items()]
     columns = ["method", "step, median [µs]", "step, 99 % [µs]", "parameters", "fitting [s]"]
     caption = (
-        "Steps of real samples, one after another, measured in this process on this machine; fitting includes the "
+        "Steps of real samples, one after another, the quietest of three rounds in this process; fitting includes the "
         "choice of effects, and for observers it is that of the model below them"
     )
     report.table(columns, rows, caption)

@@ -85,10 +85,11 @@ def worst_stretch(robot: Robot, comparison: Comparison) -> tuple[Figure, str]:
             axis.axhline(0.0, color=style.INK, linewidth=0.5)
             for marks, marker, label in ((regimes.starts, "^", "start"), (regimes.stops, "o", "stop")):
                 at = t[marks[rows, joint]]
-                axis.plot(
+                (drawn,) = axis.plot(
                     at, np.zeros(len(at)), marker, color=style.INK, label=label, markersize=4.5, clip_on=False,
                     transform=axis.get_xaxis_transform(), markerfacecolor=style.INK if marker == "^" else "none",
                 )  # fmt: skip
+                drawn.set_in_layout(False)
         style.legend_above(figure, axes[0])
     start = float(whole.t[rows.start])
     told = (

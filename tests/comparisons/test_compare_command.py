@@ -94,6 +94,7 @@ def test_result_holds_what_the_contract_says(compared):
             assert len(figures[name]) == 2
             assert np.all(np.isfinite(figures[name]))
             assert len(figures["smoothed"][name]) == 2
+        assert ("rmse_without_lag" in figures) == (figures["kind"] == "direct")
         assert 0.0 < figures["step_us_p50"] <= figures["step_us_p99"]
         assert figures["parameters"] > 0
         assert figures["training_seconds"] > 0.0

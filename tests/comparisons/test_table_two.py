@@ -1,0 +1,77 @@
+"""The experiment behind the paper's Table II: its page, and its data."""
+
+import json
+
+import numpy as np
+import pytest
+
+from comparisons.comparison.run import summary
+from comparisons.experiments.data import paper_data
+from comparisons.experiments.table_two_page import CLAIMS, PAPER, REGIMES, table_two_page
+from comparisons.protocols import dataset
+from comparisons.virtual_robot import VirtualRobot
+from ident.robot import load_robot
+
+
+def run(level, joints=6):
+    """Figures of one training whose errors are ``level`` on every joint."""
+    figures = {key: np.full(joints, level) for key in REGIMES}
+    return figures | {"step_us_p50": 10.0, "step_us_p99": 20.0, "parameters": 5, "training_seconds": 3.0}
+
+
+@pytest.fixture
+def result():
+    levels = {"model-based, from sinusoids": [9.0], "RDL": [5.0, 6.0, 7.0], "RDL-MD": [4.0, 6.5, 5.0]}
+    rows = {row: summary({str(k): run(v) for k, v in enumerate(of)}) for row, of in levels.items()}
+    note = {"command_line": "python -m x", "date": "today", "versions": {"python": "3"}}
+    return {
+        "unit": "%Use", "rows": rows, "frames": {"train": 1000, "test": 500}, "preset": "quick", "data": "quick",
+        "epochs": None, "seeds": 3, "provenance": note,
+    }  # fmt: skip
+
+
+def test_page_gives_means_spread_and_the_least(result):
+    page = table_two_page(result)
+    spread = np.std([4.0, 6.5, 5.0], ddof=1)
+    assert f"| RDL-MD | {' | '.join(['**5.17**'] * 6)} | **5.17** ± {spread:.2f} |" in page
+    assert f"| model-based, from sinusoids | {' | '.join(['9.00'] * 6)} | 9.00 |" in page
+    assert page.count("| RDL |") == len(REGIMES) + 2  # in each regime, in the paper's table and in that of costs
+    assert "1,000 training and 500 test frames" in page
+
+
+def test_claims_are_counted_training_by_training(result):
+    page = table_two_page(result)
+    assert "| the discriminator helps at rest | static frames | RDL-MD 5.17 | RDL 6.00 | 2 of 3 |" in page
+    # rows that are not there are claimed nothing of
+    assert "hierarchy helps" not in page
+
+
+def test_claims_and_the_papers_rows_name_rows_that_there_are():
+    from comparisons.experiments.table_two import HIERARCHIES, NETWORKS
+
+    models = {"model-based, from sinusoids", "model-based", "model-based, Maxwell slip", "model-based, chosen effects"}
+    rows = {*models, *(set(NETWORKS) - {"HRDL-MD"}), *HIERARCHIES}
+    assert set(PAPER) <= rows
+    assert {row for _, _, *pair in CLAIMS for row in pair} <= rows
+    assert {key for _, key, *_ in CLAIMS} <= set(REGIMES)
+
+
+def test_data_are_recorded_once_and_anew_for_another_seed(tmp_path, monkeypatch):
+    tiny = {name: (kind, {"frames": 300}) for name, (kind, _) in dataset.PRESETS["quick"].items()}
+    monkeypatch.setitem(dataset.PRESETS, "tiny", tiny)
+    monkeypatch.setattr("comparisons.experiments.data.EXCITATION", 3.0)
+    virtual, told = VirtualRobot(load_robot("vs060")), []
+
+    def progress(what, share):
+        told.append(what)
+
+    data = paper_data(virtual, "tiny", tmp_path / "data", 1, progress)
+    assert [log.name for log in data.train] == ["continuous_000", "hysteresis_000"]
+    assert [len(log.read()) for log in [*data.test, *data.excitation]] == [120, 180, 300]
+    assert len(told) > 0
+    told.clear()
+    paper_data(virtual, "tiny", tmp_path / "data", 1, progress)
+    assert told == []
+    paper_data(virtual, "tiny", tmp_path / "data", 2, progress)
+    assert len(told) > 0
+    assert json.loads((tmp_path / "data" / "data.json").read_text()) == {"preset": "tiny", "seed": 2}
