@@ -219,8 +219,9 @@ def _baseline(robot: Robot, gains: Gains, smoothing: FloatArray, still: Sequence
     for j in range(robot.n):
         effects.append(CurrentOffset(j))
         if j not in still:
-            # With link parameters of its own, a joint's row has its rotor in them.
-            effects += [] if gains == "per-joint" else [RotorInertia(j)]
+            # Where no joint moves the axis, a row with link parameters of its own has the rotor in them.
+            carried = robot.multibody.tree.parent[j] >= 0
+            effects += [RotorInertia(j)] if carried or gains != "per-joint" else []
             effects += [Coulomb(j, smoothing[j]), Viscous(j, smoothing[j])]
     return effects
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from ident.arrays import FloatArray
 from ident.effects.base import Coefficient, Context, Effect, Shape, Survey
-from ident.effects.transmission import GearRipple
+from ident.effects.transmission import GEAR_HARMONICS, POLE_HARMONICS, GearRipple, most_of_gears
 
 if TYPE_CHECKING:
     from ident.robot import Robot
@@ -136,3 +136,11 @@ class Cogging(GearRipple):
     family = "electrical"
     rivals = ("gear-ripple",)
     excitation = "slow constant speeds at several loads, so that the ripple stays below half the sampling rate"
+
+    @classmethod
+    def candidates(cls, survey: Survey, joint: int | None) -> list[Effect]:
+        """Try it on turning joints, above the repeats that a gear can have."""
+        if joint is None or survey.robot.multibody.prismatic[joint]:
+            return []
+        fewest = most_of_gears(survey, joint)
+        return [cls(joint, most=fewest * POLE_HARMONICS / GEAR_HARMONICS, fewest=fewest)]

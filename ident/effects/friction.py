@@ -17,6 +17,10 @@ SMOOTHING = 5e-3
 """Speed [rad/s or m/s] over which the sign of a velocity turns, where the data do not ask for more."""
 
 
+SLOWEST_SIGMOID = 0.01
+"""Speed [rad/s or m/s] below which a rise of friction is but the smoothing of a sign."""
+
+
 @dataclass(frozen=True)
 class VelocityEffect(Effect):
     """A friction effect; ``smoothing`` is the speed [rad/s or m/s] over which its sign of velocity turns."""
@@ -103,11 +107,11 @@ class Stribeck(VelocityEffect):
     @property
     def shapes(self) -> tuple[Shape, ...]:
         """Return the Stribeck speed."""
-        return (Shape("speed", "{angle}/s", 2e-3, 0.5, (0.04, 0.01, 0.15)),)
+        return (Shape("speed", "{angle}/s", 4e-3, 0.2, (0.04, 0.01, 0.1)),)
 
     def coefficients(self, robot: Robot) -> tuple[Coefficient, ...]:
-        """Return static minus Coulomb friction."""
-        return (Coefficient("force", "{current}"),)
+        """Return static minus Coulomb friction, never negative."""
+        return (Coefficient("force", "{current}", lower=0.0),)
 
     def columns(self, context: Context, shape: FloatArray, memory: FloatArray) -> FloatArray:
         """Return sign(dq) exp(-(dq/speed)^2)."""
@@ -122,7 +126,13 @@ class Stribeck(VelocityEffect):
 
 @dataclass(frozen=True)
 class Sigmoid(VelocityEffect):
-    """Friction as a shifted logistic function of velocity, nought at rest (Gaz et al. 2018, eq. 14)."""
+    """Friction as a shifted logistic function of velocity, nought at rest (Gaz et al. 2018, eq. 14).
+
+    Attributes:
+        slowest: least speed [rad/s or m/s] over which the sigmoid may rise.
+    """
+
+    slowest: float = 1e-3
 
     name = "sigmoid"
     family = "friction"
@@ -130,11 +140,16 @@ class Sigmoid(VelocityEffect):
     rivals = ("stribeck", "maxwell-slip", "viscous-nonlinear")
     excitation = "constant speeds from a few mrad/s to the usual ones, both ways"
 
+    @classmethod
+    def candidates(cls, survey: Survey, joint: int | None) -> list[Effect]:
+        """Try it wider than the smoothing of a sign could be."""
+        return [] if joint is None else [cls(joint, float(survey.smoothing[joint]), SLOWEST_SIGMOID)]
+
     @property
     def shapes(self) -> tuple[Shape, ...]:
         """Return the speed over which the sigmoid rises (1/phi2) and its shift (phi3)."""
         return (
-            Shape("speed", "{angle}/s", 1e-3, 0.5, (0.03, 0.005, 0.15)),
+            Shape("speed", "{angle}/s", self.slowest, 0.15, (0.03, max(0.006, 1.2 * self.slowest), 0.1)),
             Shape("shift", "{angle}/s", -0.1, 0.1, (0.0,), log=False),
         )
 
@@ -201,8 +216,8 @@ class LoadFriction(VelocityEffect):
     excitation = "the same pose and torque crossed at +dq and at -dq, under different loads"
 
     def coefficients(self, robot: Robot) -> tuple[Coefficient, ...]:
-        """Return the friction per unit of load, a pure number."""
-        return (Coefficient("force", "1"),)
+        """Return the friction per unit of load, a pure number, never negative."""
+        return (Coefficient("force", "1", lower=0.0),)
 
     def columns(self, context: Context, shape: FloatArray, memory: FloatArray) -> FloatArray:
         """Return sign(dq) |load|."""

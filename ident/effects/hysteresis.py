@@ -123,17 +123,21 @@ class Backlash(Effect):
 
     def coefficients(self, robot: Robot) -> tuple[Coefficient, ...]:
         """Return the share of the load that is missing inside the gap."""
-        return (Coefficient("share", "1"),)
+        return (Coefficient("share", "1", lower=0.0),)
 
     def start(self) -> FloatArray:
-        """Return the link's position: not known before the first sample."""
-        return np.full(1, np.nan)
+        """Return the link's position, not known before the first sample, and whether it was ever pushed along."""
+        return np.array([np.nan, 0.0])
 
     def columns(self, context: Context, shape: FloatArray, memory: FloatArray) -> FloatArray:
         """Return minus the load where the motor is inside the gap."""
         load = context.needed("load", self.name)[:, self.at]
         position = np.ascontiguousarray(context.motion.q[:, self.at])
         inside = np.abs(_slip_forces(position, 0.5 * shape, memory)[:, 0]) < 1.0 - 1e-9
+        # Where the motor stands in the gap is not known before it has once pushed the link along.
+        known = np.maximum.accumulate(np.append(memory[1] > 0.0, ~inside))
+        memory[1] = float(known[-1])
+        inside &= known[1:]
         return (-load * inside)[:, None]
 
 

@@ -71,7 +71,7 @@ class FilterLag(_Timing):
     @property
     def shapes(self) -> tuple[Shape, ...]:
         """Return the corner frequency."""
-        return (Shape("hertz", "Hz", 0.2, 60.0, (8.0, 1.0, 3.0, 20.0)),)
+        return (Shape("hertz", "Hz", 0.2, 40.0, (8.0, 1.0, 3.0, 20.0)),)
 
     def coefficients(self, robot: Robot) -> tuple[Coefficient, ...]:
         """Return the share of the current that passes the filter; one for a plain low pass."""

@@ -16,8 +16,17 @@ if TYPE_CHECKING:
     from ident.robot import Robot
 
 
-MOST_REPEATS = 800
-"""Repeats a turn of the joint that are searched: a motor of eight poles behind a gear of one to a hundred."""
+FEWEST_REPEATS = 4.0
+"""Fewer repeats a turn of the joint look like a cable, a balancer or the links' weight."""
+
+USUAL_RATIO = 100.0
+"""Gear ratio of a robot joint whose card names none."""
+
+GEAR_HARMONICS = 2.5
+"""A gear repeats at most this many times a turn of its motor (a wave generator twice); motor poles more often."""
+
+POLE_HARMONICS = 8.0
+"""Repeats a turn of the motor up to which its poles are looked for."""
 
 
 @dataclass(frozen=True)
@@ -70,10 +79,11 @@ class GearRipple(Effect):
     """Force that repeats with the joint's angle: tooth meshing, run-out, the wave generator of a strain-wave gear.
 
     Attributes:
-        most: most repeats a turn that the search considers.
+        most, fewest: repeats a turn between which the search looks.
     """
 
-    most: int = 40
+    most: float = 40.0
+    fewest: float = 0.5
 
     name = "gear-ripple"
     family = "transmission"
@@ -85,13 +95,13 @@ class GearRipple(Effect):
         """Try it on turning joints, up to the repeats that a motor turn can have."""
         if joint is None or survey.robot.multibody.prismatic[joint]:
             return []
-        return [cls(joint, MOST_REPEATS)]
+        return [cls(joint, most=most_of_gears(survey, joint), fewest=FEWEST_REPEATS)]
 
     @property
     def shapes(self) -> tuple[Shape, ...]:
         """Return the repeats a turn of the joint."""
-        starts = tuple(np.arange(1.0, self.most).tolist())
-        return (Shape("per_turn", "1", 0.5, float(self.most), starts, log=False),)
+        starts = tuple(np.arange(np.floor(self.fewest) + 1.0, self.most).tolist())
+        return (Shape("per_turn", "1", self.fewest, self.most, starts, log=False),)
 
     def coefficients(self, robot: Robot) -> tuple[Coefficient, ...]:
         """Return the amplitudes in and out of phase with the joint's zero."""
@@ -114,6 +124,12 @@ class GearRipple(Effect):
         return np.stack([angle * np.cos(phase), -angle * np.sin(phase)], axis=1)[None]
 
 
+def most_of_gears(survey: Survey, joint: int) -> float:
+    """Return the repeats a turn of a joint up to which its gear is looked for."""
+    ratio = survey.robot.gear_ratio
+    return GEAR_HARMONICS * (USUAL_RATIO if ratio is None else max(abs(float(ratio[joint])), 2.0))
+
+
 @dataclass(frozen=True)
 class Elasticity(Effect):
     """A spring between motor and link (Spong 1987): the link lags behind the motor by the load over the stiffness.
@@ -130,7 +146,7 @@ class Elasticity(Effect):
 
     def coefficients(self, robot: Robot) -> tuple[Coefficient, ...]:
         """Return the compliance."""
-        return (Coefficient("compliance", "{angle}/{current}"),)
+        return (Coefficient("compliance", "{angle}/{current}", lower=0.0),)
 
     def start(self) -> FloatArray:
         """Return times and loads of the last two samples, not known before."""

@@ -1,0 +1,258 @@
+"""Cases: a robot, logs of its motion, and an effect hidden in them at a severity."""
+
+from __future__ import annotations
+
+import hashlib
+from dataclasses import dataclass, field
+from functools import cache
+from importlib.metadata import files
+from pathlib import Path
+from tempfile import mkdtemp
+
+import numpy as np
+from scipy.interpolate import CubicSpline
+from scipy.signal import lfilter
+
+from comparisons.hidden_effects import foreign  # noqa: F401  (enters the foreign laws)
+from comparisons.hidden_effects.laws import FOREIGN, LAWS, Scene, sign
+from comparisons.protocols import named
+from comparisons.virtual_robot.figures import usual_torque
+from comparisons.virtual_robot.load import perturbed
+from ident.arrays import FloatArray
+from ident.log import JointLog
+from ident.robot import Robot, load_robot
+from ident.signals import zero_phase
+
+RATE = 100.0
+ROBOTS = {
+    "ur10": "ur_description/urdf/ur10_robot.urdf",
+    "panda": "panda_description/urdf/panda.urdf",
+    "xarm7": "xarm_description/urdf/xarm7.urdf",
+}
+PANDA_JOINTS = [f"panda_joint{k}" for k in range(1, 8)]
+WHOLE_ROBOT = ("payload", "base-tilt", "delay", "filter-lag")
+CHANGES = ("payload", "drive-gain", "rotor-inertia", "current-offset")
+"""Effects that a refitted baseline absorbs: they show against a model that was identified before the change."""
+
+PIECES = (("fourier", 40.0), ("slow", 25.0), ("stop_and_go", 25.0))
+"""What every log consists of: kind of motion and seconds."""
+
+
+@dataclass(frozen=True)
+class Hidden:
+    """An effect to hide: its name, its joint (from 0, None for the whole robot), and its severity.
+
+    The severity is the RMS, on the train logs, of the part that the refitted baseline cannot absorb, over the RMS of
+    the noise; of an effect that is a change, the RMS of all of it.
+    """
+
+    effect: str
+    joint: int | None
+    severity: float
+
+
+@dataclass(frozen=True)
+class Case:
+    """What is hidden in which robot; ``changed`` asks what changed since a model was identified."""
+
+    robot: str
+    hidden: tuple[Hidden, ...]
+    seed: int
+    changed: bool = False
+    noise: float = 0.02
+    gains_known: bool = False
+
+    @property
+    def name(self) -> str:
+        """A name that says all of it."""
+        parts = [f"{h.effect}@{'all' if h.joint is None else h.joint + 1}x{h.severity:g}" for h in self.hidden]
+        return "-".join([self.robot, *(parts or ["nothing"]), f"s{self.seed}"])
+
+
+@dataclass(frozen=True, eq=False)
+class Made:
+    """Logs of a case and the truth behind them.
+
+    Attributes:
+        robot: the robot as the workflow sees it.
+        train, test: logs.
+        clean: logs of the same robot without the hidden effects, for the model of a case that is a change.
+        parameters: true parameters of each hidden effect, by the contract's keys, in units of current.
+        noise: standard deviation (n,) of the current noise.
+        without, hidden: on the test logs, noise and nuisance left out: current of the known and of the hidden part.
+    """
+
+    robot: Robot
+    train: list[JointLog]
+    test: list[JointLog]
+    clean: list[JointLog]
+    parameters: list[dict[str, float]]
+    noise: FloatArray
+    hidden: list[FloatArray] = field(default_factory=list)
+
+
+@cache
+def robot_of(name: str, gains_known: bool = False) -> Robot:
+    """Return a built-in robot or one of example-robot-data's, with its gains unknown unless told."""
+    if name in ROBOTS:
+        wanted = f"example-robot-data/robots/{ROBOTS[name]}"
+        urdf = next(Path(str(f.locate())) for f in files("example-robot-data") or [] if str(f).endswith(wanted))
+        joints = f"joints = {PANDA_JOINTS}\n" if name == "panda" else ""
+        gain = ""
+    else:
+        builtin = load_robot(name)
+        assert builtin.urdf is not None
+        urdf, joints, gain = builtin.urdf, "", ""
+    card = Path(mkdtemp(prefix="hidden-effects-")) / "robot.toml"
+    text = f'name = "{name}"\nurdf = "{urdf}"\n{joints}current_unit = "A"\n{gain}'
+    card.write_text(text)
+    robot = load_robot(card)
+    if gains_known:
+        card.write_text(text + f"[drive]\ngain = {_gain(robot).tolist()}\n")
+        robot = load_robot(card)
+    return robot
+
+
+def _gain(robot: Robot) -> FloatArray:
+    gain: FloatArray = usual_torque(robot) * 0.2
+    return gain
+
+
+def make(case: Case) -> Made:
+    """Build the logs of a case."""
+    return _Maker(case).make()
+
+
+class _Maker:
+    def __init__(self, case: Case) -> None:
+        self.case = case
+        self.robot = robot_of(case.robot, case.gains_known)
+        self.seed = int(hashlib.sha256(case.name.encode()).hexdigest()[:8], 16)
+        rng = np.random.default_rng(self.seed)
+        self.usual = usual_torque(self.robot)
+        self.gain = _gain(self.robot)
+        self.parameters = perturbed(self.robot.multibody.parameters, 0.07, case.seed)
+        n = self.robot.n
+        self.coulomb = self.usual * rng.uniform(0.08, 0.2, n)
+        self.viscous = self.usual * rng.uniform(0.05, 0.2, n)
+        self.rotor = 0.08 * self.usual / 10.0 * rng.uniform(0.5, 1.5, n)
+        self.offset = 0.02 * self.usual * rng.standard_normal(n)
+        self.rng = rng
+
+    def make(self) -> Made:
+        scenes = [self.scene(k) for k in range(4)]
+        clean_scenes = [self.scene(10 + k) for k in range(3)] if self.case.changed else []
+        usual = np.sqrt(np.mean(np.concatenate([s.known for s in scenes[:3]]) ** 2, axis=0))
+        noise = self.case.noise * usual
+        forces, parameters = [np.zeros_like(s.q) for s in scenes], []
+        for hidden in self.case.hidden:
+            strength = self.strength(hidden, scenes[:3], noise)
+            for force, scene in zip(forces, scenes, strict=True):
+                added, truth = self.effect(hidden, scene, strength)
+                force += added
+            parameters.append(self.in_current(hidden, truth))
+        logs = [self.log(s, f, noise, k) for k, (s, f) in enumerate(zip(scenes, forces, strict=True))]
+        clean = [self.log(s, np.zeros_like(s.q), noise, 10 + k) for k, s in enumerate(clean_scenes)]
+        return Made(
+            self.robot, logs[:3], logs[3:], clean, parameters, noise / self.gain, [f / self.gain for f in forces[3:]]
+        )
+
+    def effect(self, hidden: Hidden, scene: Scene, strength: float) -> tuple[FloatArray, dict[str, float]]:
+        found = {**LAWS, **FOREIGN}[hidden.effect]
+        rng = np.random.default_rng([self.seed, len(hidden.effect), 0 if hidden.joint is None else hidden.joint])
+        return found(scene, 0 if hidden.joint is None else hidden.joint, strength, rng)
+
+    def in_current(self, hidden: Hidden, truth: dict[str, float]) -> dict[str, float]:
+        """Forces in the card's unit: N m where gains are known, else current."""
+        if self.case.gains_known or hidden.joint is None:
+            return truth
+        per_gain = ("force", "damping", "inertia", "stiffness", "offset", "per_hour")
+        scaled = {k: v / self.gain[hidden.joint] if k in per_gain else v for k, v in truth.items()}
+        if hidden.effect == "load-friction":
+            scaled["force"] = truth["force"]
+        return scaled
+
+    def strength(self, hidden: Hidden, scenes: list[Scene], noise: FloatArray) -> float:
+        """Find the strength that has the severity; secant steps on the logarithm."""
+        joints = range(self.robot.n) if hidden.joint is None else [hidden.joint]
+
+        def severity(a: float) -> float:
+            forces = [self.effect(hidden, s, a)[0] for s in scenes]
+            return max(self.unabsorbed(scenes, forces, j) / noise[j] for j in joints)
+
+        a = 1.0
+        for _ in range(12):
+            now = severity(a)
+            if abs(now / hidden.severity - 1.0) < 0.02:
+                break
+            a *= (hidden.severity / max(now, 1e-12)) ** 0.9
+        return a
+
+    def unabsorbed(self, scenes: list[Scene], forces: list[FloatArray], j: int) -> float:
+        """RMS of the part of a joint's hidden force that the refitted baseline leaves."""
+        target = np.concatenate([f[:, j] for f in forces])
+        if self.case.changed:
+            return float(np.sqrt(np.mean(target**2)))
+        columns = self.robot.rigid_body.base_parameters(j).columns
+        rows = []
+        for s in scenes:
+            links = self.robot.rigid_body.regressor(s.q, s.dq, s.ddq)[:, j, columns]
+            own = [sign(s.dq[:, j]), s.dq[:, j], s.ddq[:, j], np.ones(len(s.t))]
+            rows.append(np.column_stack([links, *own]))
+        matrix = np.vstack(rows)
+        matrix /= np.linalg.norm(matrix, axis=0)
+        left = target - matrix @ np.linalg.lstsq(matrix, target, rcond=1e-9)[0]
+        return float(np.sqrt(np.mean(left**2)))
+
+    def scene(self, number: int) -> Scene:
+        q, dq, ddq, t, start = self.motion(number)
+        torque = self.robot.rigid_body.inverse_dynamics(q, dq, ddq, self.parameters)
+        known = torque + self.rotor * ddq + self.coulomb * sign(dq) + self.viscous * dq + self.offset
+        return Scene(
+            t, q, dq, ddq, torque, known, start, self.coulomb, self.viscous, self.robot.rigid_body, self.parameters
+        )
+
+    def motion(self, number: int) -> tuple[FloatArray, ...]:
+        parts, clock = [], 0.0
+        for k, (kind, seconds) in enumerate(PIECES):
+            seed = 1000 * self.case.seed + 10 * number + k
+            path = _slow(self.robot, seconds, seed) if kind == "slow" else _reference(self.robot, kind, seconds, seed)
+            t = np.arange(len(path)) / RATE
+            smooth = zero_phase(path, RATE, 4.0)
+            spline = CubicSpline(t, smooth)
+            velocity = CubicSpline(t, spline(t, 1))
+            start = np.zeros(len(t))
+            start[0] = 1.0
+            parts.append((smooth, velocity(t), velocity(t, 1), t + clock, start))
+            clock += float(t[-1]) + 2.0
+        return tuple(np.concatenate([p[k] for p in parts]) for k in range(5))
+
+    def log(self, s: Scene, force: FloatArray, noise: FloatArray, number: int) -> JointLog:
+        rng = np.random.default_rng([self.seed, number, 5])
+        white = rng.standard_normal(s.q.shape)
+        pole = np.exp(-1.0 / (RATE * 0.08))
+        slow = lfilter([np.sqrt(1.0 - pole**2)], [1.0, -pole], rng.standard_normal(s.q.shape), axis=0)
+        current = (s.known + force + noise * (np.sqrt(0.6) * white + np.sqrt(0.4) * slow)) / self.gain
+        counts = 2.0 * np.pi / (8192.0 * 100.0)
+        seen = np.round(s.q / counts) * counts
+        segment = np.cumsum(s.start).astype(np.int64) - 1
+        return JointLog(t=s.t, q=seen, current=current, segment=segment, name=f"log_{number}")
+
+
+def _reference(robot: Robot, kind: str, seconds: float, seed: int) -> FloatArray:
+    protocol = named(kind)(robot, seconds=seconds, seed=seed, rate=RATE)
+    return np.concatenate([block.q for block in protocol.blocks()])
+
+
+def _slow(robot: Robot, seconds: float, seed: int) -> FloatArray:
+    """Slow wandering of all joints with many reversals, at up to 0.1 rad/s, from rest to rest."""
+    rng = np.random.default_rng(seed)
+    t = np.arange(round(seconds * RATE)) / RATE
+    lower, upper = np.maximum(robot.limits.lower, -2.5), np.minimum(robot.limits.upper, 2.5)
+    middle = 0.5 * (lower + upper) + 0.2 * (upper - lower) * rng.uniform(-1, 1, robot.n)
+    waves = np.zeros((len(t), robot.n))
+    for period in (3.1, 7.3, 16.0):
+        waves += 0.03 * period / (2 * np.pi) * np.sin(2 * np.pi * t[:, None] / period + rng.uniform(0, 6, robot.n))
+    fade = np.clip(np.minimum(t, t[-1] - t), 0.0, 1.5) / 1.5
+    path: FloatArray = middle + waves * (fade * fade * (3 - 2 * fade))[:, None]
+    return path

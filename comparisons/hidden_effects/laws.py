@@ -1,0 +1,279 @@
+"""Laws of the hidden effects: what is added to a robot's force. None is written as the catalogue writes it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from scipy.signal import lfilter
+
+from ident.arrays import FloatArray
+from ident.rigid_body import RigidBody
+
+
+class Scene(NamedTuple):
+    """What a law sees of one log: stamps (N,), motion (N, n), what links and all known effects need [force], segment.
+
+    ``coulomb`` and ``viscous`` (n,) are the robot's own, ``body`` and ``parameters`` its true links, ``torque`` the
+    links' part of ``known``, ``reach`` (n,) the joints' range.
+    """
+
+    t: FloatArray
+    q: FloatArray
+    dq: FloatArray
+    ddq: FloatArray
+    torque: FloatArray
+    known: FloatArray
+    start: FloatArray
+    coulomb: FloatArray
+    viscous: FloatArray
+    body: RigidBody
+    parameters: FloatArray
+
+
+Law = Callable[[Scene, int, float, np.random.Generator], tuple[FloatArray, dict[str, float]]]
+"""Gives the force (N, n) of an effect on a joint at a strength, and its true parameters by the contract's keys.
+
+The random generator is seeded alike for every log of a case, so that figures drawn from it are the same in all.
+"""
+
+LAWS: dict[str, Law] = {}
+FOREIGN: dict[str, Law] = {}
+"""Laws of effects that the catalogue does not have."""
+
+
+def law(name: str, foreign: bool = False) -> Callable[[Law], Law]:
+    """Enter a law under the contract's name, or as one that the catalogue lacks."""
+
+    def enter(function: Law) -> Law:
+        (FOREIGN if foreign else LAWS)[name] = function
+        return function
+
+    return enter
+
+
+@dataclass(frozen=True)
+class Elements:
+    """Elasto-plastic elements in parallel whose force falls with speed, unlike the catalogue's Maxwell slip."""
+
+    slip: FloatArray
+    share: FloatArray
+
+    def force(self, x: FloatArray, start: FloatArray) -> FloatArray:
+        """Return the force (N,) over its largest, relaxed wherever a segment starts; smooth (Dahl) elements."""
+        out = np.zeros(len(x))
+        for slip, share in zip(self.slip, self.share, strict=True):
+            z, last = 0.0, x[0]
+            for k, (now, first) in enumerate(zip(x.tolist(), start.tolist(), strict=True)):
+                if first:
+                    z, last = 0.0, now
+                step = (now - last) / slip
+                # Dahl: dz/dx = 1 - z sign(dx), exact over the step.
+                z = np.sign(step) + (z - np.sign(step)) * np.exp(-abs(step)) if step else z
+                last = now
+                out[k] += share * z
+        return out
+
+
+def on(scene: Scene, joint: int, force: FloatArray) -> FloatArray:
+    """Return a force (N, n) that acts on one joint."""
+    everywhere = np.zeros_like(scene.q)
+    everywhere[:, joint] = force
+    return everywhere
+
+
+def sign(v: FloatArray, smooth: float = 2e-3) -> FloatArray:
+    """Return the sign of a velocity, turning over ``smooth`` by another function than the catalogue's."""
+    turned: FloatArray = v / np.sqrt(v**2 + smooth**2)
+    return turned
+
+
+@law("stribeck")
+def _(s: Scene, j: int, a: float, rng: np.random.Generator) -> tuple[FloatArray, dict[str, float]]:
+    speed = rng.uniform(0.025, 0.05)
+    v = s.dq[:, j]
+    return on(s, j, a * sign(v) * np.exp(-((np.abs(v) / speed) ** 1.5))), {"force": a, "speed": speed}
+
+
+@law("sigmoid")
+def _(s: Scene, j: int, a: float, rng: np.random.Generator) -> tuple[FloatArray, dict[str, float]]:
+    speed = rng.uniform(0.05, 0.15)
+    v = s.dq[:, j]
+    # Part of the dry friction turns slowly.
+    return on(s, j, a * v / np.sqrt(v**2 + speed**2)), {"force": a, "speed": speed}
+
+
+@law("viscous-nonlinear")
+def _(s: Scene, j: int, a: float, rng: np.random.Generator) -> tuple[FloatArray, dict[str, float]]:
+    thinning = rng.uniform(0.3, 0.8)
+    v = s.dq[:, j]
+    return on(s, j, -a * v * np.abs(v) / (thinning + np.abs(v))), {"force": a}
+
+
+@law("coulomb-asymmetry")
+def _(s: Scene, j: int, a: float, rng: np.random.Generator) -> tuple[FloatArray, dict[str, float]]:
+    return on(s, j, a * np.abs(sign(s.dq[:, j]))), {"force": a}
+
+
+@law("load-friction")
+def _(s: Scene, j: int, a: float, rng: np.random.Generator) -> tuple[FloatArray, dict[str, float]]:
+    load = np.sqrt(s.torque[:, j] ** 2 + (0.02 * np.abs(s.torque[:, j]).max()) ** 2)
+    return on(s, j, a * sign(s.dq[:, j]) * load), {"force": a}
+
+
+@law("position-friction")
+def _(s: Scene, j: int, a: float, rng: np.random.Generator) -> tuple[FloatArray, dict[str, float]]:
+    turns, phase = rng.choice([1.0, 2.0, 3.0]), rng.uniform(-3, 3)
+    wave = np.cos(turns * s.q[:, j] + phase)
+    return on(s, j, a * sign(s.dq[:, j]) * (wave + 0.15 * wave**2)), {"force": a}
+
+
+@law("thermal-friction")
+def _(s: Scene, j: int, a: float, rng: np.random.Generator) -> tuple[FloatArray, dict[str, float]]:
+    seconds = rng.uniform(30.0, 90.0)
+    own = s.coulomb[j] * sign(s.dq[:, j]) + s.viscous[j] * s.dq[:, j]
+    power = np.abs(own * s.dq[:, j])
+    dt = np.diff(s.t, prepend=s.t[0])
+    heat = np.zeros(len(s.t))
+    level, usual = 0.0, power.mean() + 1e-12
+    for k in range(len(s.t)):
+        level = 0.0 if s.start[k] else level + dt[k] / seconds * (power[k] / usual - level)
+        heat[k] = level
+    return on(s, j, -a * own * heat / (0.5 + 0.5 * heat)), {"share": a, "seconds": seconds}
+
+
+@law("maxwell-slip")
+def _(s: Scene, j: int, a: float, rng: np.random.Generator) -> tuple[FloatArray, dict[str, float]]:
+    slip = rng.uniform(0.002, 0.01)
+    elements = Elements(slip * np.array([0.5, 1.0, 2.0]), np.array([0.3, 0.4, 0.3]))
+    return on(s, j, a * elements.force(s.q[:, j], s.start)), {"force": a, "slip": slip}
+
+
+@law("cross-joint-hysteresis")
+def _(s: Scene, j: int, a: float, rng: np.random.Generator) -> tuple[FloatArray, dict[str, float]]:
+    source = int(rng.choice([k for k in range(s.q.shape[1]) if k != j]))
+    slip = rng.uniform(0.01, 0.05)
+    force = Elements(np.array([slip]), np.ones(1)).force(s.q[:, source], s.start)
+    return on(s, j, a * force), {"force": a, "slip": slip}
+
+
+@law("backlash")
+def _(s: Scene, j: int, a: float, rng: np.random.Generator) -> tuple[FloatArray, dict[str, float]]:
+    # The link stays behind until the motor has crossed the gap; its load comes back over a tenth of it.
+    gap = 1e-3 * a
+    link, position = np.empty(len(s.q)), s.q[0, j]
+    for k, (now, first) in enumerate(zip(s.q[:, j].tolist(), s.start.tolist(), strict=True)):
+        position = now if first else min(max(position, now - 0.5 * gap), now + 0.5 * gap)
+        link[k] = position
+    engaged = np.clip(10.0 * np.abs(s.q[:, j] - link) / (0.5 * gap) - 9.0, 0.0, 1.0)
+    return on(s, j, -s.torque[:, j] * (1.0 - engaged)), {"gap": gap}
+
+
+@law("cross-joint-friction")
+def _(s: Scene, j: int, a: float, rng: np.random.Generator) -> tuple[FloatArray, dict[str, float]]:
+    source = int(rng.choice([k for k in range(s.q.shape[1]) if k != j]))
+    ratio = rng.choice([-1.0, 1.0]) * rng.uniform(0.7, 1.3)
+    part = s.dq[:, j] + ratio * s.dq[:, source]
+    return on(s, j, a * 2.0 / np.pi * np.arctan(part / 0.02)), {"force": a}
+
+
+@law("elasticity")
+def _(s: Scene, j: int, a: float, rng: np.random.Generator) -> tuple[FloatArray, dict[str, float]]:
+    load, compliance = s.torque[:, j], 1e-4 * a
+    wind = np.zeros_like(s.q)
+    wind[:, j] = compliance * load
+    speed, bend = np.gradient(wind, s.t, axis=0), np.gradient(np.gradient(wind, s.t, axis=0), s.t, axis=0)
+    late = s.body.inverse_dynamics(s.q - wind, s.dq - speed, s.ddq - bend, s.parameters)
+    return on(s, j, late[:, j] - load), {"stiffness": 1.0 / compliance}
+
+
+@law("gear-ripple")
+def _(s: Scene, j: int, a: float, rng: np.random.Generator) -> tuple[FloatArray, dict[str, float]]:
+    turns, phase = float(rng.integers(6, 40)), rng.uniform(-3, 3)
+    wave = np.sin(turns * s.q[:, j] + phase) + 0.15 * np.sin(2 * turns * s.q[:, j])
+    return on(s, j, a * wave * (1.0 + 0.2 * np.abs(s.torque[:, j]) / np.abs(s.torque[:, j]).max())), {
+        "force": a, "per_turn": turns,
+    }  # fmt: skip
+
+
+@law("cogging")
+def _(s: Scene, j: int, a: float, rng: np.random.Generator) -> tuple[FloatArray, dict[str, float]]:
+    turns, phase = 100.0 * rng.choice([4.0, 6.0]), rng.uniform(-3, 3)
+    return on(s, j, a * np.sin(turns * s.q[:, j] + phase)), {"force": a, "per_turn": turns}
+
+
+@law("torque-saturation")
+def _(s: Scene, j: int, a: float, rng: np.random.Generator) -> tuple[FloatArray, dict[str, float]]:
+    known, largest = s.known[:, j], np.abs(s.known[:, j]).max()
+    square = (known / largest) ** 2
+    return on(s, j, a * known * 2.0 * square / (1.0 + square)), {"share": a / (1.0 + a)}
+
+
+@law("sensor-drift")
+def _(s: Scene, j: int, a: float, rng: np.random.Generator) -> tuple[FloatArray, dict[str, float]]:
+    return on(s, j, a * s.t / 3600.0), {"per_hour": a}
+
+
+@law("cable-spring")
+def _(s: Scene, j: int, a: float, rng: np.random.Generator) -> tuple[FloatArray, dict[str, float]]:
+    neutral, reach = rng.uniform(-0.4, 0.4), 1.5
+    return on(s, j, a * reach * np.sinh((s.q[:, j] - neutral) / reach)), {"stiffness": a}
+
+
+@law("gravity-balancer")
+def _(s: Scene, j: int, a: float, rng: np.random.Generator) -> tuple[FloatArray, dict[str, float]]:
+    x, lever = s.q[:, j] - rng.uniform(-0.5, 0.5), 0.6
+    length = np.sqrt(1.0 + lever**2 - 2.0 * lever * np.cos(x))
+    return on(s, j, -a * (length - 0.3) * lever * np.sin(x) / length), {}
+
+
+@law("rotor-inertia")
+def _(s: Scene, j: int, a: float, rng: np.random.Generator) -> tuple[FloatArray, dict[str, float]]:
+    return on(s, j, a * s.ddq[:, j]), {"inertia": a}
+
+
+@law("drive-gain")
+def _(s: Scene, j: int, a: float, rng: np.random.Generator) -> tuple[FloatArray, dict[str, float]]:
+    return on(s, j, a * s.known[:, j]), {"scale": 1.0 / (1.0 + a)}
+
+
+@law("current-offset")
+def _(s: Scene, j: int, a: float, rng: np.random.Generator) -> tuple[FloatArray, dict[str, float]]:
+    return on(s, j, np.full(len(s.t), a)), {"offset": a}
+
+
+@law("payload")
+def _(s: Scene, j: int, a: float, rng: np.random.Generator) -> tuple[FloatArray, dict[str, float]]:
+    com = np.array([0.02, -0.01, rng.uniform(0.04, 0.1)])
+    inertia = 0.002 * np.eye(3) + com @ com * np.eye(3) - np.outer(com, com)
+    body = np.array([1.0, *com, *inertia[[0, 0, 1, 0, 1, 2], [0, 1, 1, 2, 2, 2]]])
+    held = np.zeros(s.parameters.size)
+    held[10 * int(s.body.multibody.tree.order[-1]) :][:10] = a * body
+    return s.body.inverse_dynamics(s.q, s.dq, s.ddq, held), {"mass": a}
+
+
+@law("base-tilt")
+def _(s: Scene, j: int, a: float, rng: np.random.Generator) -> tuple[FloatArray, dict[str, float]]:
+    roll, pitch = a * np.array([np.cos(1.1), np.sin(1.1)])
+    cr, sr, cp, sp = np.cos(roll), np.sin(roll), np.cos(pitch), np.sin(pitch)
+    turn = np.array([[cp, 0, sp], [0, 1, 0], [-sp, 0, cp]]) @ np.array([[1, 0, 0], [0, cr, -sr], [0, sr, cr]])
+    gravity = np.asarray(s.body.multibody.gravity, dtype=float)
+    moved = s.body.inverse_dynamics(s.q, s.dq, s.ddq, s.parameters, turn.T @ gravity)
+    return moved - s.torque, {"roll": float(roll), "pitch": float(pitch)}
+
+
+@law("delay")
+def _(s: Scene, j: int, a: float, rng: np.random.Generator) -> tuple[FloatArray, dict[str, float]]:
+    seconds = 1e-3 * a
+    late = np.stack([np.interp(s.t - seconds, s.t, x) for x in s.known.T], axis=1)
+    return late - s.known, {"seconds": seconds}
+
+
+@law("filter-lag")
+def _(s: Scene, j: int, a: float, rng: np.random.Generator) -> tuple[FloatArray, dict[str, float]]:
+    hertz = 20.0 / a
+    pole = np.exp(-2.0 * np.pi * hertz * np.median(np.diff(s.t)))
+    late, _ = lfilter([1.0 - pole], [1.0, -pole], s.known, axis=0, zi=pole * s.known[:1])
+    return late - s.known, {"hertz": hertz}

@@ -1,0 +1,214 @@
+"""Step 5, attribute: which effects, together, explain a joint's gap: forward selection, swaps, backward pruning."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from ident.arrays import BoolArray, FloatArray, IntArray
+from ident.effects.base import Effect, Survey
+from ident.gap.candidates import Trial, admissible, best_trials, forms, refine, with_errors
+from ident.gap.gate import Gate
+from ident.gap.panel import Errors, JointProblem, Panel
+
+GAIN = 0.015
+"""An effect must lower the held-out RMS residual of its joint by this share, and on every fold."""
+
+LEVEL = 0.01
+"""Chance of a false name on a whole robot that the gate allows."""
+
+PARSIMONY = 0.004
+"""Share of the held-out RMS residual by which a parameter more must be better."""
+
+LAW, RIVAL_LAW = 0.03, 0.15
+"""No law is exact: another effect must explain more than this share of what one named before did, a rival more."""
+
+MOST = 4
+"""Effects at most that one joint is given."""
+
+
+@dataclass(frozen=True, eq=False)
+class Named:
+    """An effect that is taken for a cause.
+
+    Attributes:
+        trial: the effect with its shape and held-out errors.
+        p_value: chance of so good a candidate where there is nothing, over all joints.
+        explained: by how much it lowered the held-out squared residual when it came in.
+        ranking: all candidates that were tried in its place, best first.
+    """
+
+    trial: Trial
+    p_value: float
+    explained: float
+    ranking: tuple[Trial, ...] = ()
+
+    @property
+    def effect(self) -> Effect:
+        """The effect."""
+        return self.trial.effect
+
+
+@dataclass(frozen=True, eq=False)
+class JointGap:
+    """One joint's rows before anything is named.
+
+    Attributes:
+        joint: the joint, from 0.
+        matrix: columns (N, p) of the baseline that are refitted; none where the model is held fixed.
+        target: what is to be explained (N,), in force units.
+        keep: rows that count (N,).
+        present: effects that the joint has already.
+    """
+
+    joint: int
+    matrix: FloatArray
+    target: FloatArray
+    keep: BoolArray
+    present: tuple[Effect, ...]
+
+    def problem(self, panel: Panel, named: Sequence[Trial] = ()) -> JointProblem:
+        """The regression with effects named so far among the baseline's columns."""
+        plain = JointProblem(self.matrix, self.target, panel.fold, self.keep)
+        columns = [_whole(panel, plain, trial, self.joint) for trial in named]
+        return JointProblem(np.hstack([self.matrix, *columns]), self.target, panel.fold, self.keep)
+
+
+@dataclass(frozen=True, eq=False)
+class Search:
+    """All candidates tried on a joint, given what is named already.
+
+    Attributes:
+        problem: the regression they were added to.
+        gate: its surrogates, which have seen all of them.
+        trials: the candidates, best first.
+        before: squared residuals without any of them.
+    """
+
+    problem: JointProblem
+    gate: Gate
+    trials: tuple[Trial, ...]
+    before: Errors
+
+    @property
+    def best_error(self) -> float:
+        """Smallest held-out squared residual of all candidates."""
+        return min((t.errors.total for t in self.trials if t.errors is not None), default=self.before.total)
+
+    def winner(self, named: Sequence[Named], looks: int) -> Named | None:
+        """The best candidate that passes the gate, if there is one; ``looks`` joints share the level."""
+        for trial in self.trials:
+            assert trial.errors is not None
+            gain = 1.0 - np.sqrt(trial.errors.total / max(self.before.total, 1e-300))
+            explained = self.before.total - trial.errors.total
+            if gain <= GAIN or explained <= _law_error(trial.effect, named):
+                continue
+            p_value = min(1.0, looks * self.gate.p_value(trial.statistic))
+            if np.all(trial.errors.held_out < self.before.held_out) and p_value <= LEVEL:
+                return Named(trial, p_value, explained, self.trials)
+        return None
+
+
+def search(panel: Panel, gap: JointGap, effects: Sequence[Effect], named: Sequence[Named] = ()) -> Search:
+    """Try effects on a joint, besides those named."""
+    problem = gap.problem(panel, [n.trial for n in named])
+    gate = Gate(problem, starts_of(panel, problem))
+    trials = best_trials(panel, gate, effects, gap.joint)
+    return Search(problem, gate, tuple(sorted(trials, key=penalised)), problem.errors())
+
+
+def attribute(panel: Panel, survey: Survey, gap: JointGap, first: Search | None = None) -> list[Named]:
+    """Name the effects that a joint lacks, in the order in which they were found.
+
+    Args:
+        panel: the rows.
+        survey: facts about the logs.
+        gap: the joint's rows before anything is named.
+        first: the search with nothing named, where it was made already.
+    """
+    named: list[Named] = []
+    effects = forms(survey, gap.joint, gap.present)
+    for number in range(MOST):
+        tried = first if first is not None and number == 0 else search(panel, gap, effects, named)
+        found = tried.winner(named, panel.robot.n)
+        if found is None:
+            break
+        named.append(found)
+        effects = [e for e in effects if _kind(e) != _kind(found.effect)]
+        if len(named) > 1:
+            named = _swapped(panel, gap, named)
+    return _pruned(panel, gap, named)
+
+
+def _law_error(effect: Effect, named: Sequence[Named]) -> float:
+    """What an effect must explain so that it is not the error of the laws by which others were named."""
+    rivals = [n for n in named if effect.name in n.effect.rivals or n.effect.name in effect.rivals]
+    shares = [LAW * n.explained for n in named] + [RIVAL_LAW * n.explained for n in rivals]
+    return max(shares, default=0.0)
+
+
+def penalised(trial: Trial) -> float:
+    """Held-out error with a price on every parameter."""
+    if trial.errors is None:
+        return np.inf
+    parameters = len(trial.shape) + trial.columns
+    return trial.errors.total * (1.0 + 2.0 * PARSIMONY * parameters)
+
+
+def starts_of(panel: Panel, problem: JointProblem) -> IntArray:
+    """Numbers of the rows that count with which each block begins."""
+    return np.unique(np.searchsorted(problem.keep, panel.start))
+
+
+def _swapped(panel: Panel, gap: JointGap, named: list[Named]) -> list[Named]:
+    """Fit shapes again, each effect's among the others, and put a rival in its place where that is better."""
+    for k, old in enumerate(named):
+        others = [n.trial for i, n in enumerate(named) if i != k]
+        problem = gap.problem(panel, others)
+        taken = {_kind(o.effect) for o in others}
+        rivals = [t for t in old.ranking[:6] if _kind(t.effect) not in taken and _kind(t.effect) != _kind(old.effect)]
+        tried = [
+            with_errors(panel, problem, _again(panel, problem, t, gap.joint), gap.joint) for t in [old.trial, *rivals]
+        ]
+        best = min(tried, key=penalised)
+        ranking = [
+            *sorted(tried, key=penalised),
+            *[t for t in old.ranking if all(t.effect is not x.effect for x in tried)],
+        ]
+        named[k] = replace(old, trial=best, ranking=tuple(ranking))
+    return named
+
+
+def _again(panel: Panel, problem: JointProblem, trial: Trial, joint: int) -> Trial:
+    columns = admissible(panel, problem, trial.effect, trial.shape, joint)
+    now = replace(trial, drop=problem.drop(columns))
+    return refine(panel, problem, now, joint) if trial.effect.shapes else now
+
+
+def _pruned(panel: Panel, gap: JointGap, named: list[Named]) -> list[Named]:
+    """Leave out effects that the others make needless."""
+    kept = list(named)
+    for one in list(named):
+        if len(kept) < 2:
+            break
+        others = [n for n in kept if n is not one]
+        with_it = gap.problem(panel, [n.trial for n in kept]).errors()
+        without = gap.problem(panel, [n.trial for n in others]).errors()
+        if 1.0 - np.sqrt(with_it.total / max(without.total, 1e-300)) <= GAIN:
+            kept = others
+    return kept
+
+
+def _kind(effect: Effect) -> tuple[type[Effect], int]:
+    return type(effect), getattr(effect, "source", 0)
+
+
+def _whole(panel: Panel, problem: JointProblem, trial: Trial, joint: int) -> FloatArray:
+    """Columns (N, k) in all rows, of which the admissible ones are kept."""
+    columns = panel.columns(trial.effect, trial.shape, joint)
+    lower = np.array([c.lower for c in trial.effect.coefficients(panel.robot)])
+    kept = problem.admissible(columns[problem.keep], lower)
+    same = [any(np.array_equal(columns[problem.keep, i], k) for k in kept.T) for i in range(columns.shape[1])]
+    return columns[:, np.array(same, dtype=bool)]

@@ -1,0 +1,142 @@
+"""Step 3, candidates: every effect of the catalogue on a joint, its shape parameters fitted, the baseline refitted."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from ident.arrays import FloatArray
+from ident.effects import load_catalogue
+from ident.effects.base import Effect, Shape, Survey
+from ident.gap.gate import Gate
+from ident.gap.panel import Errors, JointProblem, Panel
+
+SEARCHED = 5
+"""Candidates of a joint whose shape parameters are searched further than the grid of their starts."""
+
+GOLDEN = 0.381966
+
+
+@dataclass(frozen=True, eq=False)
+class Trial:
+    """An effect tried on a joint at the shape that suits the rows best.
+
+    Attributes:
+        effect: the candidate.
+        shape: its shape parameters.
+        drop: fall of the squared residual with all rows fitted.
+        statistic: that fall over its mean on surrogates.
+        errors: squared residuals with it.
+        columns: how many columns it brought.
+    """
+
+    effect: Effect
+    shape: FloatArray
+    drop: float
+    statistic: float = 0.0
+    errors: Errors | None = None
+    columns: int = 1
+
+
+def forms(survey: Survey, joint: int | None, present: Sequence[Effect]) -> list[Effect]:
+    """Every form of every effect in which a joint (None: the whole robot) does not have it yet."""
+    found: list[Effect] = []
+    for kind in load_catalogue().values():
+        if kind.name != "links":
+            found += kind.candidates(survey, joint)
+    there = {(effect.name, getattr(effect, "source", None)) for effect in present}
+    return [effect for effect in found if (effect.name, getattr(effect, "source", None)) not in there]
+
+
+def grid(shapes: Sequence[Shape]) -> Iterator[FloatArray]:
+    """Yield every combination of the shapes' starting values."""
+    for values in itertools.product(*(s.starts for s in shapes)):
+        yield np.array(values, dtype=float)
+
+
+def admissible(panel: Panel, problem: JointProblem, effect: Effect, shape: FloatArray, joint: int) -> FloatArray:
+    """Columns (N, k) of an effect in a joint's rows, without those whose coefficients would break their bounds."""
+    columns = panel.columns(effect, shape, joint)[problem.keep]
+    lower = np.array([c.lower for c in effect.coefficients(panel.robot)])
+    return problem.admissible(columns, lower)
+
+
+def screen(panel: Panel, gate: Gate, effect: Effect, joint: int) -> Trial:
+    """Try an effect at all its starting shapes, on the residual and on its surrogates."""
+    best: Trial | None = None
+    for shape in grid(effect.shapes):
+        drop, statistic = gate.look(admissible(panel, gate.problem, effect, shape, joint))
+        if best is None or drop > best.drop:
+            best = Trial(effect, shape, drop, statistic)
+    assert best is not None
+    return best
+
+
+def refine(panel: Panel, problem: JointProblem, trial: Trial, joint: int) -> Trial:
+    """Search the shape parameters around the best start, one after the other."""
+    shapes = trial.effect.shapes
+    shape, drop = trial.shape.copy(), trial.drop
+
+    def value(number: int, x: float) -> float:
+        moved = shape.copy()
+        moved[number] = np.exp(x) if shapes[number].log else x
+        return problem.drop(admissible(panel, problem, trial.effect, moved, joint))
+
+    for _ in range(1 if len(shapes) < 2 else 2):
+        for number, parameter in enumerate(shapes):
+            low, high = _bracket(parameter, shape[number])
+            x, best = _golden(lambda x, number=number: value(number, x), low, high)  # type: ignore[misc]
+            if best > drop:
+                shape[number], drop = (np.exp(x) if parameter.log else x), best
+    return replace(trial, shape=shape, drop=drop)
+
+
+def with_errors(panel: Panel, problem: JointProblem, trial: Trial, joint: int) -> Trial:
+    """Add the held-out errors of a trial."""
+    columns = admissible(panel, problem, trial.effect, trial.shape, joint)
+    return replace(trial, errors=problem.errors(columns), columns=columns.shape[1])
+
+
+def best_trials(panel: Panel, gate: Gate, effects: Sequence[Effect], joint: int) -> list[Trial]:
+    """Try effects on a joint; those that explain most are searched further and judged on held-out rows, best first."""
+    problem = gate.problem
+    screened = sorted((screen(panel, gate, e, joint) for e in effects), key=lambda t: -t.drop)
+    found = []
+    for trial in screened[:SEARCHED]:
+        searched = refine(panel, problem, trial, joint) if trial.effect.shapes else trial
+        found.append(with_errors(panel, problem, searched, joint))
+    rest = [with_errors(panel, problem, trial, joint) for trial in screened[SEARCHED:]]
+    return sorted([*found, *rest], key=_held_out)
+
+
+def _held_out(trial: Trial) -> float:
+    return trial.errors.total if trial.errors is not None else np.inf
+
+
+def _bracket(parameter: Shape, value: float) -> tuple[float, float]:
+    """Search range around a start: to the neighbouring starts, or the bounds."""
+    starts = np.array(sorted({parameter.lower, *parameter.starts, parameter.upper}))
+    below, above = starts[starts < value * (1 - 1e-9) - 1e-12], starts[starts > value * (1 + 1e-9) + 1e-12]
+    low = below[-1] if len(below) else parameter.lower
+    high = above[0] if len(above) else parameter.upper
+    return (float(np.log(low)), float(np.log(high))) if parameter.log else (float(low), float(high))
+
+
+def _golden(value: Callable[[float], float], low: float, high: float, steps: int = 12) -> tuple[float, float]:
+    """Golden-section search for a maximum."""
+    a, b = low, high
+    x, y = a + GOLDEN * (b - a), b - GOLDEN * (b - a)
+    fx, fy = value(x), value(y)
+    for _ in range(steps):
+        if fx > fy:
+            b, y, fy = y, x, fx
+            x = a + GOLDEN * (b - a)
+            fx = value(x)
+        else:
+            a, x, fx = x, y, fy
+            y = b - GOLDEN * (b - a)
+            fy = value(y)
+    return (x, fx) if fx > fy else (y, fy)

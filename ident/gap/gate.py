@@ -1,0 +1,73 @@
+"""Step 4, gate: how large the best of all candidates looks where there is nothing, on the data set's own surrogates.
+
+A surrogate is the residual with its phases drawn anew (Theiler et al. 1992): its spectrum, and so its
+autocorrelation, is the residual's own, but it has nothing to do with the motion. Every candidate at every shape is
+fitted to every surrogate, as to the residual; the p-value of the best candidate is where it stands among the
+surrogates' best (max-T, Westfall and Young 1993), extrapolated by a Gumbel law beyond them.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ident.arrays import FloatArray, IntArray
+from ident.gap.panel import JointProblem
+
+SURROGATES = 64
+EULER = 0.5772156649
+
+
+class Gate:
+    """Surrogates of one joint's residual, and the largest statistic that any candidate reached on each of them."""
+
+    def __init__(self, problem: JointProblem, starts: IntArray, seed: int = 0) -> None:
+        self.problem = problem
+        self.surrogates = surrogates(problem.residual, starts, SURROGATES, np.random.default_rng([seed, len(problem)]))
+        self.largest = np.zeros(SURROGATES)
+
+    def look(self, columns: FloatArray) -> tuple[float, float]:
+        """Fit columns (N, k) to the residual and to every surrogate.
+
+        Returns:
+            The fall of the squared residual, and how many times that of the mean surrogate it is.
+        """
+        if columns.shape[1] == 0:
+            return 0.0, 0.0
+        own = self.problem.away(columns)
+        size = np.linalg.norm(own, axis=0)
+        used = size > 1e-6 * np.maximum(np.linalg.norm(columns, axis=0), 1e-300)
+        if not used.any():
+            return 0.0, 0.0
+        own = np.linalg.qr(own[:, used] / size[used])[0]
+        drop = float(np.sum((own.T @ self.problem.residual) ** 2))
+        chance = np.sum((own.T.astype(np.float32) @ self.surrogates) ** 2, axis=0).astype(float)
+        mean = float(chance.mean())
+        if mean <= 0.0:
+            return drop, 0.0
+        np.maximum(self.largest, chance / mean, out=self.largest)
+        return drop, drop / mean
+
+    def p_value(self, statistic: float) -> float:
+        """Chance that the best candidate looks as good as ``statistic`` where there is nothing."""
+        beyond = int(np.sum(self.largest >= statistic))
+        if beyond >= 5 or not np.any(self.largest):
+            return (1.0 + beyond) / (1.0 + SURROGATES)
+        scale = max(float(self.largest.std()) * np.sqrt(6.0) / np.pi, 1e-9)
+        place = float(self.largest.mean()) - EULER * scale
+        tail = float(-np.expm1(-np.exp(-(statistic - place) / scale)))
+        return max(tail, 1e-6)
+
+
+def surrogates(residual: FloatArray, starts: IntArray, count: int, rng: np.random.Generator) -> FloatArray:
+    """Residuals (N, count) with the phases of each stretch drawn anew; float32."""
+    drawn = np.empty((len(residual), count), dtype=np.float32)
+    edges = np.append(starts, len(residual))
+    for first, end in zip(edges[:-1], edges[1:], strict=True):
+        rows = int(end - first)
+        if rows == 0:
+            continue
+        spectrum = np.fft.rfft(residual[first:end])
+        turned = np.exp(2j * np.pi * rng.random((len(spectrum), count)))
+        turned[0] = rng.choice([-1.0, 1.0], count)
+        drawn[first:end] = np.fft.irfft(spectrum[:, None] * turned, rows, axis=0)
+    return drawn

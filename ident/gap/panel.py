@@ -1,0 +1,262 @@
+"""Rows of logs as one regression problem a joint, to which columns of candidate effects can be added cheaply."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from ident.arrays import BoolArray, FloatArray, IntArray
+from ident.effects.base import Context, Effect
+from ident.robot import Robot
+from ident.walk import Block
+
+RIDGE = 1e-10
+"""Share of a column's square added to the normal matrix, so that columns that say the same do no harm."""
+
+
+@dataclass(frozen=True, eq=False)
+class Panel:
+    """Rows of logs with what effects see of them.
+
+    Attributes:
+        robot: the robot.
+        blocks: stretches of the logs; every one starts effects with memory anew.
+        contexts: what effects see of each block, all its rows.
+        rows: the rows of each block that are looked at.
+        fold: number of the fold (N,) that each row looked at belongs to.
+        scale: force unit per unit of current, (n,).
+    """
+
+    robot: Robot
+    blocks: Sequence[Block]
+    contexts: Sequence[Context]
+    rows: Sequence[IntArray]
+    fold: IntArray
+    scale: FloatArray
+
+    def __len__(self) -> int:
+        return len(self.fold)
+
+    def columns(self, effect: Effect, shape: FloatArray, joint: int) -> FloatArray:
+        """Columns (N, k) of an effect in a joint's rows."""
+        parts = [
+            effect.row(context, shape, effect.start(), joint)[rows]
+            for context, rows in zip(self.contexts, self.rows, strict=True)
+        ]
+        return np.concatenate(parts)
+
+    def gather(self, of: Callable[[Block], FloatArray]) -> FloatArray:
+        """Rows (N, ...) of whatever can be told of a block."""
+        return np.concatenate([of(block)[rows] for block, rows in zip(self.blocks, self.rows, strict=True)])
+
+    @cached_property
+    def force(self) -> FloatArray:
+        """Measured current in force units, (N, n)."""
+        return self.gather(lambda block: block.log.current) * self.scale
+
+    @cached_property
+    def velocity(self) -> FloatArray:
+        """Joint velocities (N, n)."""
+        return self.gather(lambda block: block.motion.dq)
+
+    @cached_property
+    def start(self) -> IntArray:
+        """Numbers of the rows looked at with which each block begins."""
+        counts = [len(rows) for rows in self.rows]
+        return np.concatenate([[0], np.cumsum(counts)[:-1]]).astype(np.int64)
+
+
+@dataclass(frozen=True, eq=False)
+class Errors:
+    """Sums of squared residuals: with all rows fitted, and (folds,) of rows held out of the fit."""
+
+    fitted: float
+    held_out: FloatArray
+
+    @property
+    def total(self) -> float:
+        """Sum over the held-out folds."""
+        return float(self.held_out.sum())
+
+
+@dataclass(frozen=True, eq=False)
+class Sums:
+    """Products over each fold's rows, leading axis folds: of the baseline's columns X, further ones Z, the target y."""
+
+    own: FloatArray
+    own_target: FloatArray
+    squares: FloatArray
+    across: FloatArray
+    inside: FloatArray
+    target: FloatArray
+
+    def reduced(self, without: int | None) -> tuple[FloatArray, FloatArray]:
+        """Normal matrix and right side for Z with X eliminated, from all folds but one."""
+        own, own_target, across, inside, target = (
+            x.sum(axis=0) - (0.0 if without is None else x[without])
+            for x in (self.own, self.own_target, self.across, self.inside, self.target)
+        )
+        own_of = self._through(own, np.column_stack([across, own_target]))
+        return inside - across.T @ own_of[:, :-1], target - across.T @ own_of[:, -1]
+
+    def held_out(self, fold: int, coefficients: FloatArray) -> float:
+        """Squared residual of a fold with Z's coefficients given and X's fitted to the other folds."""
+        own, own_target, across = (x.sum(axis=0) - x[fold] for x in (self.own, self.own_target, self.across))
+        mine = self._through(own, (own_target - across @ coefficients)[:, None])[:, 0]
+        square = self.squares[fold] - 2.0 * (mine @ self.own_target[fold] + coefficients @ self.target[fold])
+        square += mine @ self.own[fold] @ mine + coefficients @ self.inside[fold] @ coefficients
+        return float(max(square + 2.0 * mine @ self.across[fold] @ coefficients, 0.0))
+
+    @staticmethod
+    def _through(own: FloatArray, right: FloatArray) -> FloatArray:
+        if len(own) == 0:
+            return np.zeros(right.shape)
+        ridge = RIDGE * np.diag(np.diag(own) + 1e-300)
+        solved: FloatArray = np.linalg.lstsq(own + ridge, right, rcond=1e-12)[0]
+        return solved
+
+
+class JointProblem:
+    """One joint's rows: a target and the columns that are fitted whatever else is tried.
+
+    Args:
+        matrix: columns (N, p) of the baseline; p may be nought.
+        target: what they are fitted to, (N,).
+        fold: number of each row's fold (N,).
+        keep: rows that count, (N,).
+    """
+
+    def __init__(self, matrix: FloatArray, target: FloatArray, fold: IntArray, keep: BoolArray) -> None:
+        self.keep = np.flatnonzero(keep)
+        size = np.linalg.norm(matrix[self.keep], axis=0)
+        self.norm = np.where(size > 0, size, 1.0)
+        self.matrix = matrix[self.keep] / self.norm
+        self.target = target[self.keep]
+        self.fold = fold[self.keep]
+        self.folds = [np.flatnonzero(self.fold == k) for k in np.unique(self.fold)]
+        self._own = self._products(self.matrix, self.matrix)
+        self._own_target = self._products(self.matrix, self.target[:, None])
+        self._squares = np.array([self.target[f] @ self.target[f] for f in self.folds])
+
+    def __len__(self) -> int:
+        return len(self.target)
+
+    @cached_property
+    def basis(self) -> FloatArray:
+        """Orthonormal basis of the baseline's columns."""
+        if self.matrix.shape[1] == 0:
+            return np.zeros((len(self.target), 0))
+        values, vectors = np.linalg.eigh(self.matrix.T @ self.matrix)
+        good = values > 1e-9 * max(values[-1], 1e-300)
+        first = self.matrix @ (vectors[:, good] / np.sqrt(values[good]))
+        basis: FloatArray = np.linalg.qr(first)[0]
+        return basis
+
+    @cached_property
+    def residual(self) -> FloatArray:
+        """What the baseline leaves of the target."""
+        return self.away(self.target[:, None])[:, 0]
+
+    def away(self, columns: FloatArray) -> FloatArray:
+        """Part of columns (N, k) that the baseline's cannot absorb."""
+        left: FloatArray = columns - self.basis @ (self.basis.T @ columns)
+        return left
+
+    def admissible(self, columns: FloatArray, lower: FloatArray) -> FloatArray:
+        """Those of the columns (N, k) whose coefficients keep to their lower bounds (k,) of nought or -inf."""
+        bounded = np.isfinite(lower)
+        while columns.shape[1] and bounded.any():
+            found = self.fit(columns)[self.matrix.shape[1] :]
+            wrong = bounded & (found < 0.0)
+            if not wrong.any():
+                break
+            wrong &= found * np.linalg.norm(columns, axis=0) == np.min((found * np.linalg.norm(columns, axis=0))[wrong])
+            columns, bounded = columns[:, ~wrong], bounded[~wrong]
+        return columns
+
+    def drop(self, columns: FloatArray) -> float:
+        """Fall of the squared residual when columns (N, k) are fitted besides the baseline."""
+        own = self.away(columns)
+        size = np.linalg.norm(own, axis=0)
+        used = size > 1e-7 * np.maximum(np.linalg.norm(columns, axis=0), 1e-300)
+        if not used.any():
+            return 0.0
+        own = own[:, used] / size[used]
+        product = own.T @ self.residual
+        gram = own.T @ own + 1e-9 * np.eye(own.shape[1])
+        return float(product @ np.linalg.solve(gram, product))
+
+    def fit(self, columns: FloatArray | None = None) -> FloatArray:
+        """Coefficients of the columns (N, k) of all rows fitted besides the baseline: (p + k,), the baseline's first."""
+        extra = np.zeros((len(self), 0)) if columns is None else columns
+        size = np.linalg.norm(extra, axis=0)
+        size = np.where(size > 0, size, 1.0)
+        both = np.column_stack([self.matrix, extra / size])
+        normal = both.T @ both
+        normal += RIDGE * np.diag(np.diag(normal) + 1e-300)
+        found: FloatArray = np.linalg.lstsq(normal, both.T @ self.target, rcond=1e-12)[0]
+        return found / np.concatenate([self.norm, size])
+
+    def errors(self, columns: FloatArray | None = None) -> Errors:
+        """Squared residuals with columns (N, k) fitted besides the baseline, each fold predicted from the others."""
+        if columns is None or columns.shape[1] == 0:
+            gram, product = self._own, self._own_target[:, :, 0]
+        else:
+            size = np.linalg.norm(columns, axis=0)
+            extra = columns / np.where(size > 0, size, 1.0)
+            across = self._products(self.matrix, extra)
+            inside = self._products(extra, extra)
+            gram = np.concatenate(
+                [np.concatenate([self._own, across], 2), np.concatenate([across.transpose(0, 2, 1), inside], 2)], 1
+            )
+            product = np.concatenate([self._own_target, self._products(extra, self.target[:, None])], 1)[:, :, 0]
+        whole, target = gram.sum(axis=0), product.sum(axis=0)
+        ridge = RIDGE * np.diag(np.diag(whole) + 1e-300)
+        held = []
+        for k in range(len(self.folds)):
+            held.append(
+                self._squared(gram[k], product[k], self._squares[k], whole - gram[k] + ridge, target - product[k])
+            )
+        fitted = self._squared(whole, target, self._squares.sum(), whole + ridge, target)
+        return Errors(fitted, np.array(held))
+
+    def held_out(self, columns: FloatArray) -> FloatArray:
+        """Residuals (N,) of each fold's rows, predicted from the others with columns (N, k) besides the baseline."""
+        size = np.linalg.norm(columns, axis=0)
+        both = np.column_stack([self.matrix, columns / np.where(size > 0, size, 1.0)])
+        left = self.target.copy()
+        if both.shape[1] == 0:
+            return left
+        whole, product = both.T @ both, both.T @ self.target
+        ridge = RIDGE * np.diag(np.diag(whole) + 1e-300)
+        for rows in self.folds:
+            part = both[rows]
+            normal = whole - part.T @ part + ridge
+            left[rows] -= part @ np.linalg.lstsq(normal, product - part.T @ self.target[rows], rcond=1e-12)[0]
+        return left
+
+    def sums(self, columns: FloatArray) -> Sums:
+        """Products of columns (M, k) with the baseline's and the target, fold by fold."""
+        return Sums(
+            self._own,
+            self._own_target[:, :, 0],
+            self._squares,
+            self._products(self.matrix, columns),
+            self._products(columns, columns),
+            self._products(columns, self.target[:, None])[:, :, 0],
+        )
+
+    def _squared(
+        self, gram: FloatArray, product: FloatArray, square: float, normal: FloatArray, right: FloatArray
+    ) -> float:
+        if len(right) == 0:
+            return float(square)
+        found = np.linalg.lstsq(normal, right, rcond=1e-12)[0]
+        return float(max(square - 2.0 * found @ product + found @ gram @ found, 0.0))
+
+    def _products(self, left: FloatArray, right: FloatArray) -> FloatArray:
+        """Products (folds, p, q) of columns, fold by fold."""
+        return np.stack([left[f].T @ right[f] for f in self.folds])

@@ -1,0 +1,88 @@
+"""From logs and a model to the rows that the workflow looks at."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from ident.arrays import FloatArray, IntArray
+from ident.effects.base import Survey
+from ident.effects.friction import Coulomb, VelocityEffect, Viscous
+from ident.gap.panel import Panel
+from ident.log import LogSource
+from ident.model import CurrentModel
+from ident.walk import Block, collect
+
+ROWS = 16_000
+"""Rows that are looked at, evenly spread; neighbouring rows of a robot's residual say nearly the same."""
+
+FOLDS = 4
+
+
+def panel_of(model: CurrentModel, sources: Sequence[LogSource], limit: int = ROWS) -> Panel:
+    """Gather rows of logs, with what effects see of them under the model; folds are logs, or parts of few logs."""
+    blocks = collect(sources, model.cutoff)
+    total = sum(int(block.keep.sum()) for block in blocks)
+    every = max(1, -(-total // limit))
+    rows = [np.flatnonzero(block.keep)[::every] for block in blocks]
+    contexts = [model.context(block.motion, total=True) for block in blocks]
+    return Panel(model.robot, blocks, contexts, rows, _folds(blocks, rows), model.gain)
+
+
+def survey_of(model: CurrentModel, panel: Panel) -> Survey:
+    """Facts about the logs that candidates are built from."""
+    robot = model.robot
+    speed = np.abs(panel.velocity)
+    total = np.concatenate([c.needed("total", "survey")[r] for c, r in zip(panel.contexts, panel.rows, strict=True)])
+    position = panel.gather(lambda block: block.motion.q)
+    smoothing = np.full(robot.n, 5e-3)
+    dry = np.zeros(robot.n)
+    for term in model.terms:
+        if isinstance(term.effect, VelocityEffect):
+            smoothing[term.effect.at] = term.effect.smoothing
+        if isinstance(term.effect, Coulomb):
+            dry[term.effect.at] += term.coefficients[0]
+        if isinstance(term.effect, Viscous):
+            dry[term.effect.at] += term.coefficients[0] * speed[:, term.effect.at].mean()
+    return Survey(
+        robot,
+        smoothing,
+        speed.mean(axis=0),
+        dry,
+        np.abs(total).max(axis=0),
+        _per_newton_metre(model, panel),
+        min(float(block.motion.t[0]) for block in panel.blocks),
+        model.rate,
+        np.ptp(position, axis=0),
+    )
+
+
+def _per_newton_metre(model: CurrentModel, panel: Panel) -> FloatArray:
+    """Force units per N m: one where gains are known, else how the links' load compares with the URDF's."""
+    robot = model.robot
+    if model.force_unit.endswith("N m"):
+        return np.ones(robot.n)
+    ratio = np.ones(robot.n)
+    urdf = [context.link_regressor @ robot.multibody.parameters for context in panel.contexts]
+    nominal = np.concatenate([u[r] for u, r in zip(urdf, panel.rows, strict=True)])
+    load = np.concatenate([c.needed("load", "survey")[r] for c, r in zip(panel.contexts, panel.rows, strict=True)])
+    for j in range(robot.n):
+        square = float(nominal[:, j] @ nominal[:, j])
+        ratio[j] = float(nominal[:, j] @ load[:, j]) / square if square > 0 else 1.0
+    return ratio
+
+
+def _folds(blocks: Sequence[Block], rows: Sequence[IntArray]) -> IntArray:
+    """Number of the fold of each row: logs dealt out, or each of few logs cut into parts."""
+    names = list(dict.fromkeys(block.log.name for block in blocks))
+    parts = -(-FOLDS // len(names))
+    labels = []
+    for number, name in enumerate(names):
+        own = [k for k, block in enumerate(blocks) if block.log.name == name]
+        total, seen = sum(len(rows[k]) for k in own), 0
+        for k in own:
+            order = seen + np.arange(len(rows[k]))
+            labels.append((k, (number * parts + order * parts // max(total, 1)) % max(FOLDS, 1)))
+            seen += len(rows[k])
+    return np.concatenate([label for _, label in sorted(labels, key=lambda pair: pair[0])]).astype(np.int64)

@@ -1,0 +1,100 @@
+"""Step 6, settle or say so: which other names these data cannot tell from the one given, and what would."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from ident.arrays import FloatArray
+from ident.effects import load_catalogue
+from ident.gap.attribute import JointGap, Named
+from ident.gap.candidates import Trial, admissible
+from ident.gap.panel import JointProblem, Panel
+
+CERTAIN = 2.33
+"""Standard errors by which a name must beat a rival on held-out blocks of rows (one in a hundred)."""
+
+LAW = 0.965
+"""A rival that explains this share of what the name explains is not ruled out: no law is exact."""
+
+BLOCKS = 60
+"""Blocks of rows whose squared residuals are compared in pairs; longer than residuals remember."""
+
+RIVALS = 8
+
+MOTIONS = {
+    frozenset({"coulomb-asymmetry", "current-offset"}): ("torque_ramps", "slow torque ramps from rest"),
+    frozenset({"viscous", "filter-lag"}): ("plateaus", "plateaus of several constant speeds"),
+    frozenset({"delay", "rotor-inertia"}): ("fourier", "several frequencies at once, slow and fast"),
+    frozenset({"delay", "filter-lag"}): ("fourier", "motion with quicker changes of current, up to the speed limit"),
+    frozenset({"payload", "drive-gain"}): ("static_poses", "static poses with and without a known mass"),
+    frozenset({"payload", "base-tilt"}): ("static_poses", "static poses all around the first axis"),
+    frozenset({"stribeck", "sigmoid"}): ("plateaus", "plateaus of 1 to 50 mrad/s, both ways"),
+    frozenset({"stribeck", "maxwell-slip"}): ("reversals", "small reversals: a loop in position, none in velocity"),
+    frozenset({"sigmoid", "maxwell-slip"}): ("reversals", "small reversals: a loop in position, none in velocity"),
+    frozenset({"sigmoid", "viscous-nonlinear"}): (
+        "plateaus",
+        "plateaus from a few mrad/s to the speed limit, both ways",
+    ),
+    frozenset({"load-friction", "torque-saturation"}): ("static_poses", "the same torque at +dq and at -dq"),
+    frozenset({"cable-spring", "gravity-balancer"}): ("sinusoid", "the joint's whole range, slowly"),
+    frozenset({"gear-ripple", "cogging"}): ("plateaus", "two slow constant speeds at two loads, and the gear ratio"),
+    frozenset({"gear-ripple", "cable-spring"}): ("plateaus", "two slow constant speeds over the whole range"),
+    frozenset({"thermal-friction", "sensor-drift"}): ("sinusoid", "minutes of motion both ways: heat follows sign(dq)"),
+    frozenset({"maxwell-slip", "backlash"}): ("reversals", "small reversals under loads of both signs"),
+}
+"""Protocol, and in words, that tells two effects apart."""
+
+
+def alternatives(panel: Panel, gap: JointGap, named: Sequence[Named], one: Named) -> list[str]:
+    """Names that the rows cannot tell from one of a joint's names, most likely first."""
+    others = [n.trial for n in named if n is not one]
+    problem = gap.problem(panel, others)
+    before = problem.errors().total
+    own = _held_out(panel, problem, one.trial, gap.joint)
+    explained = before - float(own @ own)
+    found: dict[str, None] = {}
+    if one.effect.name in TWINS and panel.robot.gear_ratio is None:
+        found[TWINS[one.effect.name]] = None
+    taken = {n.effect.name for n in named}
+    for rival in [t for t in one.ranking if t.effect.name != one.effect.name][:RIVALS]:
+        if rival.effect.name in taken:
+            continue
+        left = _held_out(panel, problem, rival, gap.joint)
+        gain = before - float(left @ left)
+        if gain <= 0.5 * explained:
+            continue
+        if gain >= LAW * explained or not _beats(own, left):
+            found[rival.effect.name] = None
+    return list(found)
+
+
+TWINS = {"gear-ripple": "cogging", "cogging": "gear-ripple"}
+"""The same columns: only the gear ratio tells one from the other."""
+
+
+def next_experiment(name: str, others: Sequence[str]) -> str | None:
+    """The motion that would separate a name from its alternatives; None where there are none."""
+    if not others:
+        return None
+    catalogue = load_catalogue()
+    said = []
+    for other in others:
+        if frozenset({name, other}) in MOTIONS:
+            protocol, words = MOTIONS[frozenset({name, other})]
+            said.append(f"{protocol}: {words} ({name} or {other})")
+        else:
+            said.append(f"{catalogue[name].excitation}; {catalogue[other].excitation} ({name} or {other})")
+    return "; ".join(dict.fromkeys(said))
+
+
+def _held_out(panel: Panel, problem: JointProblem, trial: Trial, joint: int) -> FloatArray:
+    return problem.held_out(admissible(panel, problem, trial.effect, trial.shape, joint))
+
+
+def _beats(own: FloatArray, rival: FloatArray) -> bool:
+    """Whether squared residuals are smaller than a rival's beyond doubt, in a paired comparison of blocks."""
+    loss = np.array([part.sum() for part in np.array_split(rival**2 - own**2, BLOCKS)])
+    error = loss.std(ddof=1) / np.sqrt(BLOCKS)
+    return bool(loss.mean() > CERTAIN * error)

@@ -1,0 +1,71 @@
+"""Contact, taken out before anything is named: bursts of the residual that no motion predicts."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.ndimage import binary_dilation, label, uniform_filter1d
+
+from ident.arrays import BoolArray, FloatArray
+from ident.gap.panel import Panel
+
+SMOOTH, SHORTEST, MARGIN = 0.2, 0.25, 0.3
+"""Seconds over which the residual is averaged, that a touch lasts at least, and that are left out around it."""
+
+HEIGHT = 8.0
+"""A touch stands out from the averaged residual by this many of its usual deviations."""
+
+RAREST = 0.25
+"""Touches fill at most this share of the time; what is there more often is no touch."""
+
+
+@dataclass(frozen=True, eq=False)
+class Touches:
+    """Episodes of contact.
+
+    Attributes:
+        rows: which rows (N,) belong to one or its margin.
+        joints: joints, from 0, whose residual shows it.
+        seconds: how long they last in all.
+        episodes: how many there are.
+    """
+
+    rows: BoolArray
+    joints: tuple[int, ...]
+    seconds: float
+    episodes: int
+
+
+def find_touches(panel: Panel, residuals: FloatArray) -> Touches:
+    """Find contact in the residuals (N, n) that are left when all that could be named is taken away."""
+    step = row_step(panel)
+    touched = np.zeros(residuals.shape, dtype=bool)
+    edges = np.append(panel.start, len(panel))
+    averaged = np.zeros_like(residuals)
+    for a, b in zip(edges[:-1], edges[1:], strict=True):
+        if b > a:
+            averaged[a:b] = uniform_filter1d(residuals[a:b], max(1, round(SMOOTH / step)), axis=0, mode="nearest")
+    usual = 1.4826 * np.median(np.abs(averaged), axis=0)
+    high = np.abs(averaged) > HEIGHT * np.maximum(usual, 1e-300)
+    shortest = max(2, round(SHORTEST / step))
+    for j in range(residuals.shape[1]):
+        for a, b in zip(edges[:-1], edges[1:], strict=True):
+            pieces, count = label(high[a:b, j])
+            for k in range(1, count + 1):
+                rows = np.flatnonzero(pieces == k)
+                if len(rows) >= shortest:
+                    touched[a + rows, j] = True
+    share = touched.mean(axis=0)
+    touched[:, share > RAREST] = False
+    any_joint = touched.any(axis=1)
+    _, episodes = label(binary_dilation(any_joint, iterations=max(1, round(MARGIN / step))))
+    rows = binary_dilation(any_joint, iterations=max(1, round(MARGIN / step))) if any_joint.any() else any_joint
+    joints = tuple(int(j) for j in np.flatnonzero(touched.any(axis=0)))
+    return Touches(np.asarray(rows, dtype=bool), joints, float(any_joint.sum() * step), int(episodes))
+
+
+def row_step(panel: Panel) -> float:
+    """Seconds between two rows that are looked at."""
+    steps = [np.diff(block.motion.t[rows]) for block, rows in zip(panel.blocks, panel.rows, strict=True)]
+    return float(np.median(np.concatenate(steps)))

@@ -1,0 +1,122 @@
+"""Causes of the whole robot, tried before those of single joints: one payload beats six offsets."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from ident.arrays import FloatArray
+from ident.effects.base import Effect, Survey
+from ident.gap.attribute import GAIN, LEVEL, JointGap, Search
+from ident.gap.candidates import forms, grid
+from ident.gap.panel import JointProblem, Panel
+
+SHARE = 0.85
+"""Share of what the best effects of single joints explain, together, that one cause of the whole robot must."""
+
+MOST = 2
+
+
+@dataclass(frozen=True, eq=False)
+class Whole:
+    """One effect of the whole robot.
+
+    Attributes:
+        effect: the candidate.
+        shape: its shape parameters.
+        coefficients: its linear parameters.
+        held_out: squared residuals (n, folds) with it.
+        likelihood: gain in log-likelihood on held-out rows, all joints together.
+        p_value: chance of so good a candidate where there is nothing.
+    """
+
+    effect: Effect
+    shape: FloatArray
+    coefficients: FloatArray
+    held_out: FloatArray
+    likelihood: float
+    p_value: float = 1.0
+
+
+def whole_effect(
+    panel: Panel, survey: Survey, gaps: Sequence[JointGap], searches: Sequence[Search], present: Sequence[Effect]
+) -> tuple[Whole | None, tuple[Whole, ...]]:
+    """The best cause of the whole robot, if it explains about as much as single joints' effects, and its rivals."""
+    problems = [search.problem for search in searches]
+    before = np.array([p.errors().held_out for p in problems])
+    single = sum(
+        0.5 * len(p) * np.log(b.sum() / min(b.sum(), s.best_error))
+        for p, b, s in zip(problems, before, searches, strict=True)
+    )
+    tried = [_try(panel, problems, effect, before) for effect in forms(survey, None, present)]
+    ranking = tuple(sorted((w for w in tried if w is not None), key=lambda w: -w.likelihood))
+    for best in ranking:
+        after = best.held_out.sum(axis=1)
+        gains = 1.0 - np.sqrt(after / before.sum(axis=1))
+        helped = int(np.sum((gains > GAIN) & (best.held_out < before).all(axis=1)))
+        if helped < min(2, panel.robot.n) or gains.min() < -GAIN or best.likelihood < SHARE * single:
+            continue
+        p_value = _p_value(panel, best, searches)
+        if p_value <= LEVEL:
+            return Whole(best.effect, best.shape, best.coefficients, best.held_out, best.likelihood, p_value), ranking
+    return None, ranking
+
+
+def columns_of(panel: Panel, whole: Whole, joint: int) -> FloatArray:
+    """What the effect adds to a joint's rows, (N,)."""
+    added: FloatArray = panel.columns(whole.effect, whole.shape, joint) @ whole.coefficients
+    return added
+
+
+def _p_value(panel: Panel, whole: Whole, searches: Sequence[Search]) -> float:
+    values = []
+    for joint, search in enumerate(searches):
+        column = columns_of(panel, whole, joint)[search.problem.keep, None]
+        values.append(search.gate.p_value(search.gate.look(column)[1]))
+    return min(1.0, min(values) * len(values))
+
+
+def _try(panel: Panel, problems: Sequence[JointProblem], effect: Effect, before: FloatArray) -> Whole | None:
+    best: Whole | None = None
+    lower = np.array([c.lower for c in effect.coefficients(panel.robot)])
+    for shape in grid(effect.shapes):
+        columns = [panel.columns(effect, shape, j)[p.keep] for j, p in enumerate(problems)]
+        found = _shared(problems, columns, before)
+        if found is None or np.any(found[0] < lower):
+            continue
+        coefficients, held_out = found
+        lengths = np.array([len(p) for p in problems])
+        gain = float(np.sum(0.5 * lengths * np.log(before.sum(axis=1) / np.maximum(held_out.sum(axis=1), 1e-300))))
+        if best is None or gain > best.likelihood:
+            best = Whole(effect, shape, coefficients, held_out, gain)
+    return best
+
+
+def _shared(
+    problems: Sequence[JointProblem], columns: Sequence[FloatArray], before: FloatArray
+) -> tuple[FloatArray, FloatArray] | None:
+    """Coefficients that all joints share, weighted by the joints' residuals, and held-out squares (n, folds)."""
+    size = np.sqrt(sum(np.sum(c**2, axis=0) for c in columns))
+    if np.any(size <= 0):
+        return None
+    weights = np.array([len(p) for p in problems]) / np.maximum(before.sum(axis=1), 1e-300)
+    folds = len(problems[0].folds)
+    sums = [p.sums(c / size) for p, c in zip(problems, columns, strict=True)]
+    everything = _solve([s.reduced(None) for s in sums], weights)
+    unique = sum(w * np.diag(s.reduced(None)[0]) for w, s in zip(weights, sums, strict=True))
+    if np.any(unique < 1e-8 * sum(w * np.diag(s.inside.sum(axis=0)) for w, s in zip(weights, sums, strict=True))):
+        return None
+    held_out = np.empty((len(problems), folds))
+    for k in range(folds):
+        shared = _solve([s.reduced(k) for s in sums], weights)
+        held_out[:, k] = [s.held_out(k, shared) for s in sums]
+    return everything / size, held_out
+
+
+def _solve(parts: Sequence[tuple[FloatArray, FloatArray]], weights: FloatArray) -> FloatArray:
+    normal = sum(w * a for w, (a, _) in zip(weights, parts, strict=True))
+    right = sum(w * b for w, (_, b) in zip(weights, parts, strict=True))
+    found: FloatArray = np.linalg.lstsq(np.asarray(normal), np.asarray(right), rcond=1e-12)[0]
+    return found
