@@ -56,7 +56,7 @@ def explainable(panel: Panel, survey: Survey, joint: int, residual: FloatArray, 
             if not (held.any() and train.sum() > 100):
                 continue
             trees = HistGradientBoostingRegressor(
-                max_iter=70,
+                max_iter=50,
                 learning_rate=0.1,
                 max_leaf_nodes=16,
                 min_samples_leaf=30,

@@ -7,9 +7,12 @@ from dataclasses import replace
 
 import numpy as np
 
+from ident.arrays import FloatArray
+from ident.effects.base import Effect
 from ident.effects.friction import Coulomb, VelocityEffect
 from ident.fit import Drives, fit
 from ident.gap.panel import JointProblem, Panel
+from ident.gap.rows import panel_of
 from ident.identification import identify
 from ident.log import LogSource
 from ident.model import CurrentModel
@@ -38,15 +41,13 @@ def baseline_model(
     """
     found = identify(robot, train, cutoff=cutoff, effects=EFFECTS, progress=progress)
     model = found.model
-    from ident.gap.rows import panel_of
-
     panel = panel_of(model, train)
     smoothing = np.array([_smoothing(model, panel, j) for j in range(robot.n)])
     effects = [_smoothed(term.effect, smoothing) for term in model.terms]
     return fit(robot, effects, train, model.cutoff, Drives(model.gain, model.force_unit)).model
 
 
-def _smoothed(effect, smoothing):  # type: ignore[no-untyped-def]
+def _smoothed(effect: Effect, smoothing: FloatArray) -> Effect:
     if isinstance(effect, VelocityEffect):
         return replace(effect, smoothing=float(smoothing[effect.at]))
     return effect

@@ -8,12 +8,14 @@ surrogates' best (max-T, Westfall and Young 1993), extrapolated by a Gumbel law 
 
 from __future__ import annotations
 
+import itertools
+
 import numpy as np
 
 from ident.arrays import FloatArray, IntArray
-from ident.gap.panel import JointProblem
+from ident.gap.panel import Float32Array, JointProblem, sizes
 
-SURROGATES = 64
+SURROGATES = 50
 EULER = 0.5772156649
 
 
@@ -22,6 +24,7 @@ class Gate:
 
     def __init__(self, problem: JointProblem, starts: IntArray, seed: int = 0) -> None:
         self.problem = problem
+        self.residual = problem.residual.astype(np.float32)
         self.surrogates = surrogates(problem.residual, starts, SURROGATES, np.random.default_rng([seed, len(problem)]))
         self.largest = np.zeros(SURROGATES)
 
@@ -33,14 +36,17 @@ class Gate:
         """
         if columns.shape[1] == 0:
             return 0.0, 0.0
-        own = self.problem.away(columns)
-        size = np.linalg.norm(own, axis=0)
-        used = size > 1e-6 * np.maximum(np.linalg.norm(columns, axis=0), 1e-300)
+        whole = sizes(columns)
+        scaled = (columns / np.where(whole > 0, whole, 1.0)).astype(np.float32)
+        basis = self.problem.coarse_basis
+        own = scaled - basis @ (basis.T @ scaled)
+        size = sizes(own)
+        used = size > 1e-3
         if not used.any():
             return 0.0, 0.0
-        own = np.linalg.qr(own[:, used] / size[used])[0]
-        drop = float(np.sum((own.T @ self.problem.residual) ** 2))
-        chance = np.sum((own.T.astype(np.float32) @ self.surrogates) ** 2, axis=0).astype(float)
+        own = np.linalg.qr(own[:, used] / size[used])[0].T
+        drop = float(np.sum((own @ self.residual) ** 2))
+        chance = np.sum((own @ self.surrogates) ** 2, axis=0)
         mean = float(chance.mean())
         if mean <= 0.0:
             return drop, 0.0
@@ -58,12 +64,12 @@ class Gate:
         return max(tail, 1e-6)
 
 
-def surrogates(residual: FloatArray, starts: IntArray, count: int, rng: np.random.Generator) -> FloatArray:
+def surrogates(residual: FloatArray, starts: IntArray, count: int, rng: np.random.Generator) -> Float32Array:
     """Residuals (N, count) with the phases of each stretch drawn anew; float32."""
     drawn = np.empty((len(residual), count), dtype=np.float32)
     edges = np.append(starts, len(residual))
-    for first, end in zip(edges[:-1], edges[1:], strict=True):
-        rows = int(end - first)
+    for first, end in itertools.pairwise(edges.tolist()):
+        rows = end - first
         if rows == 0:
             continue
         spectrum = np.fft.rfft(residual[first:end])

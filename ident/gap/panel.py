@@ -5,16 +5,27 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 
 from ident.arrays import BoolArray, FloatArray, IntArray
 from ident.effects.base import Context, Effect
 from ident.robot import Robot
+from ident.signals import Motion
 from ident.walk import Block
+
+Float32Array = npt.NDArray[np.float32]
 
 RIDGE = 1e-10
 """Share of a column's square added to the normal matrix, so that columns that say the same do no harm."""
+
+
+def sizes(columns: npt.NDArray[Any]) -> npt.NDArray[Any]:
+    """Lengths (k,) of columns (N, k)."""
+    lengths: npt.NDArray[Any] = np.sqrt(np.einsum("ij,ij->j", columns, columns))
+    return lengths
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,11 +53,32 @@ class Panel:
 
     def columns(self, effect: Effect, shape: FloatArray, joint: int) -> FloatArray:
         """Columns (N, k) of an effect in a joint's rows."""
+        if effect.start().size == 0:
+            return effect.row(self._looked_at, shape, effect.start(), joint)
+        # An effect that remembers must see the rows between.
         parts = [
             effect.row(context, shape, effect.start(), joint)[rows]
             for context, rows in zip(self.contexts, self.rows, strict=True)
         ]
         return np.concatenate(parts)
+
+    @cached_property
+    def _looked_at(self) -> Context:
+        """What effects without memory see of the rows looked at."""
+        motion = Motion(
+            self.gather(lambda b: b.motion.t),
+            self.gather(lambda b: b.motion.q),
+            self.velocity,
+            self.gather(lambda b: b.motion.ddq),
+        )
+        first = self.contexts[0]
+        load, total = (
+            None
+            if getattr(first, what) is None
+            else np.concatenate([getattr(c, what)[rows] for c, rows in zip(self.contexts, self.rows, strict=True)])
+            for what in ("load", "total")
+        )
+        return Context(self.robot, motion, load, first.links, total)
 
     def gather(self, of: Callable[[Block], FloatArray]) -> FloatArray:
         """Rows (N, ...) of whatever can be told of a block."""
@@ -131,7 +163,7 @@ class JointProblem:
 
     def __init__(self, matrix: FloatArray, target: FloatArray, fold: IntArray, keep: BoolArray) -> None:
         self.keep = np.flatnonzero(keep)
-        size = np.linalg.norm(matrix[self.keep], axis=0)
+        size = sizes(matrix[self.keep])
         self.norm = np.where(size > 0, size, 1.0)
         self.matrix = matrix[self.keep] / self.norm
         self.target = target[self.keep]
@@ -152,8 +184,12 @@ class JointProblem:
         values, vectors = np.linalg.eigh(self.matrix.T @ self.matrix)
         good = values > 1e-9 * max(values[-1], 1e-300)
         first = self.matrix @ (vectors[:, good] / np.sqrt(values[good]))
-        basis: FloatArray = np.linalg.qr(first)[0]
-        return basis
+        return np.asarray(np.linalg.qr(first)[0], dtype=np.float64)
+
+    @cached_property
+    def coarse_basis(self) -> Float32Array:
+        """The basis in single precision, enough to screen candidates."""
+        return self.basis.astype(np.float32)
 
     @cached_property
     def residual(self) -> FloatArray:
@@ -173,15 +209,16 @@ class JointProblem:
             wrong = bounded & (found < 0.0)
             if not wrong.any():
                 break
-            wrong &= found * np.linalg.norm(columns, axis=0) == np.min((found * np.linalg.norm(columns, axis=0))[wrong])
+            worst = int(np.argmin(np.where(wrong, found * sizes(columns), np.inf)))
+            wrong = np.arange(len(found)) == worst
             columns, bounded = columns[:, ~wrong], bounded[~wrong]
         return columns
 
     def drop(self, columns: FloatArray) -> float:
         """Fall of the squared residual when columns (N, k) are fitted besides the baseline."""
         own = self.away(columns)
-        size = np.linalg.norm(own, axis=0)
-        used = size > 1e-7 * np.maximum(np.linalg.norm(columns, axis=0), 1e-300)
+        size = sizes(own)
+        used = size > 1e-7 * np.maximum(sizes(columns), 1e-300)
         if not used.any():
             return 0.0
         own = own[:, used] / size[used]
@@ -190,22 +227,22 @@ class JointProblem:
         return float(product @ np.linalg.solve(gram, product))
 
     def fit(self, columns: FloatArray | None = None) -> FloatArray:
-        """Coefficients of the columns (N, k) of all rows fitted besides the baseline: (p + k,), the baseline's first."""
+        """Coefficients (p + k,) of the baseline's columns and of columns (N, k), fitted to all rows."""
         extra = np.zeros((len(self), 0)) if columns is None else columns
-        size = np.linalg.norm(extra, axis=0)
+        size = sizes(extra)
         size = np.where(size > 0, size, 1.0)
         both = np.column_stack([self.matrix, extra / size])
         normal = both.T @ both
         normal += RIDGE * np.diag(np.diag(normal) + 1e-300)
-        found: FloatArray = np.linalg.lstsq(normal, both.T @ self.target, rcond=1e-12)[0]
-        return found / np.concatenate([self.norm, size])
+        found = np.asarray(np.linalg.lstsq(normal, both.T @ self.target, rcond=1e-12)[0])
+        return np.asarray(found / np.concatenate([self.norm, size]))
 
     def errors(self, columns: FloatArray | None = None) -> Errors:
         """Squared residuals with columns (N, k) fitted besides the baseline, each fold predicted from the others."""
         if columns is None or columns.shape[1] == 0:
             gram, product = self._own, self._own_target[:, :, 0]
         else:
-            size = np.linalg.norm(columns, axis=0)
+            size = sizes(columns)
             extra = columns / np.where(size > 0, size, 1.0)
             across = self._products(self.matrix, extra)
             inside = self._products(extra, extra)
@@ -215,17 +252,16 @@ class JointProblem:
             product = np.concatenate([self._own_target, self._products(extra, self.target[:, None])], 1)[:, :, 0]
         whole, target = gram.sum(axis=0), product.sum(axis=0)
         ridge = RIDGE * np.diag(np.diag(whole) + 1e-300)
-        held = []
-        for k in range(len(self.folds)):
-            held.append(
-                self._squared(gram[k], product[k], self._squares[k], whole - gram[k] + ridge, target - product[k])
-            )
+        held = [
+            self._squared(gram[k], product[k], self._squares[k], whole - gram[k] + ridge, target - product[k])
+            for k in range(len(self.folds))
+        ]
         fitted = self._squared(whole, target, self._squares.sum(), whole + ridge, target)
         return Errors(fitted, np.array(held))
 
     def held_out(self, columns: FloatArray) -> FloatArray:
         """Residuals (N,) of each fold's rows, predicted from the others with columns (N, k) besides the baseline."""
-        size = np.linalg.norm(columns, axis=0)
+        size = sizes(columns)
         both = np.column_stack([self.matrix, columns / np.where(size > 0, size, 1.0)])
         left = self.target.copy()
         if both.shape[1] == 0:
@@ -255,7 +291,7 @@ class JointProblem:
         if len(right) == 0:
             return float(square)
         found = np.linalg.lstsq(normal, right, rcond=1e-12)[0]
-        return float(max(square - 2.0 * found @ product + found @ gram @ found, 0.0))
+        return max(float(square - 2.0 * found @ product + found @ gram @ found), 0.0)
 
     def _products(self, left: FloatArray, right: FloatArray) -> FloatArray:
         """Products (folds, p, q) of columns, fold by fold."""

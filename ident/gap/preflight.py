@@ -80,5 +80,5 @@ def _reason(
                 left, float(np.max(np.linalg.norm(problem.away(columns), axis=0) / np.where(size > 0, size, np.inf)))
             )
     if left < VISIBLE:
-        return "what it adds is absorbed by the effects the joint has: other motion, or --model of a former state, shows it"
+        return "absorbed by what the joint has already: other motion, or --model of a former state, shows it"
     return None

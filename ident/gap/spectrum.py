@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import itertools
+
 import numpy as np
 from scipy.ndimage import median_filter
 from scipy.signal import welch
@@ -27,7 +29,7 @@ def spectral_line(residual: FloatArray, starts: IntArray, step: float) -> tuple[
     edges = np.append(starts, len(residual))
     spectra = [
         welch(residual[a:b], 1.0 / step, "hann", length)
-        for a, b in zip(edges[:-1], edges[1:], strict=True)
+        for a, b in itertools.pairwise(edges.tolist())
         if b - a >= 2 * length
     ]
     if not spectra or length < 64:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from dataclasses import dataclass
 
 import numpy as np
@@ -43,24 +44,24 @@ def find_touches(panel: Panel, residuals: FloatArray) -> Touches:
     touched = np.zeros(residuals.shape, dtype=bool)
     edges = np.append(panel.start, len(panel))
     averaged = np.zeros_like(residuals)
-    for a, b in zip(edges[:-1], edges[1:], strict=True):
+    for a, b in itertools.pairwise(edges.tolist()):
         if b > a:
             averaged[a:b] = uniform_filter1d(residuals[a:b], max(1, round(SMOOTH / step)), axis=0, mode="nearest")
     usual = 1.4826 * np.median(np.abs(averaged), axis=0)
     high = np.abs(averaged) > HEIGHT * np.maximum(usual, 1e-300)
     shortest = max(2, round(SHORTEST / step))
     for j in range(residuals.shape[1]):
-        for a, b in zip(edges[:-1], edges[1:], strict=True):
+        for a, b in itertools.pairwise(edges.tolist()):
             pieces, count = label(high[a:b, j])
             for k in range(1, count + 1):
-                rows = np.flatnonzero(pieces == k)
-                if len(rows) >= shortest:
-                    touched[a + rows, j] = True
+                burst = np.flatnonzero(pieces == k)
+                if len(burst) >= shortest:
+                    touched[a + burst, j] = True
     share = touched.mean(axis=0)
     touched[:, share > RAREST] = False
     any_joint = touched.any(axis=1)
-    _, episodes = label(binary_dilation(any_joint, iterations=max(1, round(MARGIN / step))))
-    rows = binary_dilation(any_joint, iterations=max(1, round(MARGIN / step))) if any_joint.any() else any_joint
+    rows = binary_dilation(any_joint, iterations=max(1, round(MARGIN / step)))
+    _, episodes = label(rows)
     joints = tuple(int(j) for j in np.flatnonzero(touched.any(axis=0)))
     return Touches(np.asarray(rows, dtype=bool), joints, float(any_joint.sum() * step), int(episodes))
 

@@ -1,4 +1,4 @@
-"""The gap workflow: where simulation and measurement disagree, what is missing, and how far adding it closes the gap."""
+"""The gap workflow: where simulation and measurement disagree, what is missing, and how far that closes the gap."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import numpy as np
 from joblib import Parallel, delayed
 from threadpoolctl import threadpool_limits
 
-from ident.arrays import BoolArray, FloatArray
+from ident.arrays import BoolArray, FloatArray, IntArray
 from ident.effects.base import Effect, Survey, Term
 from ident.effects.friction import Coulomb
 from ident.errors import InputError
@@ -202,8 +202,8 @@ class _Workflow:
         explained = float(before.residual @ before.residual) - squares
         return named if explained >= ENOUGH * left.share * squares else []
 
-    def explainable(self, gap: JointGap, residual: FloatArray, rows: FloatArray) -> Explainable:
-        return explainable(self.panel, self.survey, gap.joint, residual, rows)  # type: ignore[arg-type]
+    def explainable(self, gap: JointGap, residual: FloatArray, rows: IntArray) -> Explainable:
+        return explainable(self.panel, self.survey, gap.joint, residual, rows)
 
     def touches(self, gaps: Sequence[JointGap], named: Sequence[Sequence[Named]]) -> Touches:
         residuals = np.zeros((len(self.panel), self.model.n))
@@ -215,7 +215,7 @@ class _Workflow:
         for j in found.joints:
             # A burst that the motion predicts is an effect that was not named, and no touch.
             everything = np.arange(len(self.panel))
-            if self.explainable(gaps[j], residuals[:, j], everything).share < WORTH_SAYING:  # type: ignore[arg-type]
+            if self.explainable(gaps[j], residuals[:, j], everything).share < WORTH_SAYING:
                 real.append(j)
         none = Touches(np.zeros(len(self.panel), dtype=bool), (), 0.0, 0)
         return replace(found, joints=tuple(real)) if real else none
@@ -252,7 +252,7 @@ class _Workflow:
         """The joint's rows before causes of the whole robot were taken away."""
         return self.gap(gap.joint, gap.keep)
 
-    def unexplained(self, gap: JointGap, residual: FloatArray, rows: FloatArray) -> list[Unexplained]:
+    def unexplained(self, gap: JointGap, residual: FloatArray, rows: IntArray) -> list[Unexplained]:
         left = self.explainable(gap, residual, rows)
         if left.share > WORTH_SAYING:
             return [Unexplained((gap.joint,), left.depends_on, left.share)]
