@@ -11,15 +11,21 @@ from comparisons.comparison.contestant import Contestant
 from comparisons.comparison.held_out import HeldOut, low_pass
 from comparisons.metrics import contact_figures, error_figures, rmse
 from ident.arrays import BoolArray, FloatArray
+from ident.causal import FORGOTTEN
 from ident.errors import InputError
 from ident.log import JointLog
 from ident.model import CurrentModel
 from observers.contact import ContactDetector
 from observers.residual import Flag, Residual, ResidualEstimator
+from observers.stamps import Stamps
 from observers.thresholds import Threshold, fit_threshold
 
 FALSE_ALARMS = 1.0
 """False alarms an hour for which thresholds of contact are fitted."""
+
+
+SETTLED = 5.0
+"""Periods of the motion filter's cut-off after a start or a gap in which nothing is scored: accelerations are late."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,7 +51,7 @@ def score(contestant: Contestant, tests: HeldOut, bandwidth: float) -> Score:
     Raises:
         InputError: a log does not suit the estimator.
     """
-    error = np.concatenate([_residual(contestant.estimator(log), log) for log in tests.logs])
+    error = np.concatenate([_residual(contestant, contestant.estimator(log), log) for log in tests.logs])
     smooth = np.concatenate([_smooth(contestant, log, bandwidth) for log in tests.logs])
     own = error_figures(error, tests.regimes)
     unknown = ~np.isfinite(error).all(axis=1)
@@ -62,6 +68,7 @@ def score(contestant: Contestant, tests: HeldOut, bandwidth: float) -> Score:
         **_without_lag(contestant, tests),
     }
     if contestant.gain is not None:
+        figures["gain"] = contestant.gain
         figures["torque"] = {name: value * np.abs(contestant.gain) for name, value in own.items()}
     return Score(contestant, error, smooth, figures)
 
@@ -75,14 +82,27 @@ def _without_lag(contestant: Contestant, tests: HeldOut) -> dict[str, FloatArray
     return {"rmse_without_lag": rmse(error, tests.regimes.masks()["rmse"])}
 
 
-def _residual(estimator: ResidualEstimator, log: JointLog) -> FloatArray:
+def _residual(contestant: Contestant, estimator: ResidualEstimator, log: JointLog) -> FloatArray:
+    """Residual (N, n) of a log; NaN where the estimator has none, or its motion filter has not settled."""
     residual = estimator.run(log)
-    return np.where(residual.good[:, None], residual.current, np.nan)
+    return np.where((residual.good & _settled(contestant, log))[:, None], residual.current, np.nan)
+
+
+def _settled(contestant: Contestant, log: JointLog) -> BoolArray:
+    """Rows (N,) at which the filter that derives motion has forgotten the start, or the gap, behind it."""
+    cutoff = contestant.model.cutoff
+    stamps = Stamps(log.rate, FORGOTTEN / cutoff, SETTLED / cutoff)
+    settled = np.zeros(len(log), dtype=np.bool_)
+    for rows in log.segments():
+        stamps.reset()
+        flags, _ = stamps.scan(log.t[rows], log.q[rows])
+        settled[rows] = (flags & int(Flag.SETTLING)) == 0
+    return settled
 
 
 def _smooth(contestant: Contestant, log: JointLog, bandwidth: float) -> FloatArray:
     """Residual at the common bandwidth, which observers have by themselves."""
-    residual = _residual(contestant.in_step(log), log)
+    residual = _residual(contestant, contestant.in_step(log), log)
     return residual if contestant.observer is not None else low_pass(residual, log, bandwidth)
 
 

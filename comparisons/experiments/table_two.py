@@ -133,7 +133,7 @@ def _measure(rows: Rows, tests: HeldOut) -> dict[str, Any]:
         figures = score(contestant, tests, BANDWIDTH).figures
         took = step_time(contestant.estimator(tests.logs[0]), tests.logs[0])
         found.setdefault(contestant.method, {})[contestant.name] = {
-            **{name: value for name, value in figures.items() if name != "smoothed"},
+            **figures,
             "step_us_p50": took.p50,
             "step_us_p99": took.p99,
         }

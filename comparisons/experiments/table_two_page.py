@@ -56,7 +56,7 @@ def table_two_page(result: Mapping[str, Any]) -> str:
     ]
     for key, title in REGIMES.items():
         parts += [f"## {title.capitalize()}\n", _errors(rows, key)]
-    parts += ["## The paper's, on the real robot, all frames\n", _joint_table({k: [*v] for k, v in PAPER.items()})]
+    parts += ["## The paper's, on the real robot, all frames\n", joint_table({k: [*v] for k, v in PAPER.items()})]
     parts += ["## What holds\n", _claims(rows), "## Cost\n", _cost(rows)]
     command = result["provenance"]["command_line"]
     versions = ", ".join(f"{name} {version}" for name, version in result["provenance"]["versions"].items())
@@ -66,10 +66,11 @@ def table_two_page(result: Mapping[str, Any]) -> str:
 
 def _errors(rows: Mapping[str, Any], key: str) -> str:
     spread = {row: _spread(figures, key) for row, figures in rows.items()}
-    return _joint_table({row: figures[key] for row, figures in rows.items()}, spread)
+    return joint_table({row: figures[key] for row, figures in rows.items()}, spread)
 
 
-def _joint_table(values: Mapping[str, Sequence[float]], spread: Mapping[str, float | None] | None = None) -> str:
+def joint_table(values: Mapping[str, Sequence[float]], spread: Mapping[str, float | None] | None = None) -> str:
+    """Return a Markdown table of a figure for each joint and their mean, the least in bold, by the rows' names."""
     table = np.array([[*of, np.mean(of)] for of in values.values()], dtype=float)
     least = table.min(axis=0)
     n = table.shape[1] - 1

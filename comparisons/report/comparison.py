@@ -43,12 +43,13 @@ def comparison_report(robot: Robot, comparison: Comparison) -> Report:
 
 
 def _summary(comparison: Comparison, unit: str) -> str:
-    tests, direct = comparison.tests, {k: v for k, v in comparison.methods.items() if v["kind"] == "direct"}
-    rows = f"{len(tests.whole)} rows of {len(tests.logs)} test log{'s' * (len(tests.logs) > 1)}"
-    if not direct:
-        return f"On {rows}."
-    best = min(direct, key=lambda name: _average(direct[name]["rmse"]))
-    return f"On {rows}, {best} predicts the current best: {_average(direct[best]['rmse']):.3g} {unit} on average."
+    tests, methods = comparison.tests, comparison.methods
+    best = min(methods, key=lambda name: _average(methods[name]["smoothed"]["rmse"]))
+    least = _average(methods[best]["smoothed"]["rmse"])
+    return (
+        f"On {len(tests.whole)} rows of {len(tests.logs)} test log{'s' * (len(tests.logs) > 1)}, {best} leaves the "
+        f"least residual at {comparison.bandwidth:g} Hz: {least:.3g} {unit} on average over the joints."
+    )
 
 
 def _prediction(report: Report, robot: Robot, comparison: Comparison) -> None:
@@ -57,8 +58,8 @@ def _prediction(report: Report, robot: Robot, comparison: Comparison) -> None:
         return
     report.section("Error of the prediction")
     report.text(
-        "Against the current as logged, unfiltered, with the filters that run online. Observers predict no current; "
-        "the next table has them."
+        "Against the current as logged, unfiltered, with the filters that run online: a physical model pays for the "
+        "lag of its filter here, a network has learned with it. Observers predict no current; the next table has them."
     )
     _joint_table(report, robot, direct, lambda one: one["rmse"], f"RMSE [{robot.unit}], least in bold")
     offline = {name: one for name, one in direct.items() if "rmse_without_lag" in one}
@@ -79,10 +80,10 @@ def _residual(report: Report, robot: Robot, comparison: Comparison) -> None:
         f"a bandwidth of {hertz:g} Hz, and the residuals of predictions pass a first-order low pass of {hertz:g} Hz, "
         "after the current has been delayed as the motion is where the model filters it."
     )
-    methods, gain = comparison.methods, robot.gain
+    methods, gain = comparison.methods, _gain(comparison.methods)
     _joint_table(report, robot, methods, lambda one: one["smoothed"]["rmse"], f"RMS [{robot.unit}], least in bold")
-    if gain is not None and robot.unit != "N*m":
-        size = np.abs(gain)
+    if gain is not None:
+        size = gain
         _joint_table(report, robot, methods, lambda one: one["smoothed"]["rmse"] * size, "RMS [N m], least in bold")
 
 
@@ -115,7 +116,7 @@ def _needs(report: Report, robot: Robot, comparison: Comparison) -> None:
     methods, unit = comparison.methods, robot.unit
     _joint_table(report, robot, methods, lambda one: one["smoothed"]["peak"], f"Peak [{unit}], least in bold")
     _joint_table(report, robot, methods, lambda one: one["detectable_current"], f"Smallest detectable [{unit}]")
-    if any("detectable_torque" in one for one in methods.values()):
+    if _gain(methods) is not None and all("detectable_torque" in one for one in methods.values()):
         _joint_table(report, robot, methods, lambda one: one["detectable_torque"], "Smallest detectable [N m]")
 
 
@@ -146,6 +147,12 @@ def _cost(report: Report, methods: dict[str, Figures]) -> None:
         "choice of effects, and for observers it is that of the model below them"
     )
     report.table(columns, rows, caption)
+
+
+def _gain(methods: dict[str, Figures]) -> FloatArray | None:
+    """Size of the joint torque per unit of current (n,), where it is known and the current is not a torque itself."""
+    known = [np.abs(one["gain"]) for one in methods.values() if "gain" in one]
+    return known[0] if known and not np.all(known[0] == 1.0) else None
 
 
 def _joint_table(

@@ -31,12 +31,17 @@ def regimes(methods: dict[str, dict[str, Any]], unit: str) -> Figure:
         figure = style.new_figure(9.0, 0.9 + 0.24 * len(names))
         axes = figure.subplots(1, len(REGIMES), sharey=True, sharex=True, squeeze=False)[0]
         for axis, (key, title) in zip(axes, REGIMES.items(), strict=True):
-            values = [float(np.nanmean(methods[name]["smoothed"][key])) for name in names]
+            values = [_mean(methods[name], key) for name in names]
             colours = [COLOURS[_kind(methods[name])] for name in names]
             axis.barh(range(len(names)), values, height=0.65, color=colours)
             for place, value in enumerate(values):
                 axis.annotate(
-                    f"{value:.2f}", (value, place), xytext=(3, 0), textcoords="offset points", va="center", fontsize=7.5
+                    f"{value:.2f}" if np.isfinite(value) else "none",
+                    (np.nan_to_num(value), place),
+                    xytext=(3, 0),
+                    textcoords="offset points",
+                    va="center",
+                    fontsize=7.5,
                 )
             axis.set_title(title)
             axis.set_xlabel(f"RMS [{unit}]")
@@ -102,7 +107,7 @@ def worst_stretch(robot: Robot, comparison: Comparison) -> tuple[Figure, str]:
 def _shown(comparison: Comparison) -> list[str]:
     """Best method, then the best of each other kind, at most `TRACES` in all."""
     methods = comparison.methods
-    order = sorted(methods, key=lambda name: float(np.nanmean(methods[name]["smoothed"]["rmse"])))
+    order = sorted(methods, key=lambda name: _mean(methods[name], "rmse"))
     kinds: dict[tuple[str, bool], str] = {}
     for name in order:
         kinds.setdefault((_kind(methods[name]), methods[name]["memory"]), name)
@@ -125,6 +130,13 @@ def _worst_rows(comparison: Comparison, run: str) -> tuple[slice, str]:
                 worst, first = float(total.max()), place.start + segment.start + int(np.argmax(total))
                 found, log_name = slice(first, first + length), log.name
     return found, log_name
+
+
+def _mean(figures: dict[str, Any], key: str) -> float:
+    """Mean over the joints of which a residual's figure is known; NaN where it is of none."""
+    values = np.asarray(figures["smoothed"][key], dtype=float)
+    known = values[np.isfinite(values)]
+    return float(known.mean()) if len(known) else np.nan
 
 
 def _kind(figures: dict[str, Any]) -> str:

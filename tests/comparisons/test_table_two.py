@@ -1,4 +1,4 @@
-"""The experiment behind the paper's Table II: its page, and its data."""
+"""The experiments behind the paper's Tables II and III: their pages and their data."""
 
 import json
 
@@ -7,9 +7,11 @@ import pytest
 
 from comparisons.comparison.run import summary
 from comparisons.experiments.data import paper_data
+from comparisons.experiments.table_three import deadzones, table_three, table_three_page
 from comparisons.experiments.table_two_page import CLAIMS, PAPER, REGIMES, table_two_page
 from comparisons.protocols import dataset
 from comparisons.virtual_robot import VirtualRobot
+from ident.errors import InputError
 from ident.robot import load_robot
 
 
@@ -75,3 +77,18 @@ def test_data_are_recorded_once_and_anew_for_another_seed(tmp_path, monkeypatch)
     paper_data(virtual, "tiny", tmp_path / "data", 2, progress)
     assert len(told) > 0
     assert json.loads((tmp_path / "data" / "data.json").read_text()) == {"preset": "tiny", "seed": 2}
+
+
+def test_deadzones_in_current_and_torque():
+    figures = {"smoothed": {"peak": [6.0, 12.0, 6.0, 9.0, 11.0, 11.0]}, "detectable_current": [3.0] * 6}
+    measured = {"unit": "%Use", "frames": {"test": 500}, "rows": {"RDL": figures}}
+    result = deadzones(measured)
+    np.testing.assert_allclose(result["rows"]["RDL"]["peak_torque"], [4.26, 9.72, 2.42, 1.01, 1.58, 0.84])
+    np.testing.assert_allclose(result["rows"]["RDL"]["hourly_torque"][0], 2.13)
+    page = table_three_page(result | {"provenance": {"command_line": "x", "date": "today"}})
+    assert "| RDL | **6.00** | **12.00** |" in page
+
+
+def test_table_three_asks_for_table_two(tmp_path):
+    with pytest.raises(InputError, match=r"no table_two\.json"):
+        table_three(out=tmp_path)
