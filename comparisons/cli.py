@@ -24,6 +24,7 @@ COMMANDS = {
     "doctor": "Check that everything the program stands on is there and works.",
     "demo": "Identify the virtual VS060, without any hardware.",
     "excite": "Design a motion that shows the robot's parameters and keeps all its limits.",
+    "gap": "Find where simulation and measurement disagree, name what is missing and add it to the model.",
     "identify": "Identify a robot's current model from its logs.",
     "observe": "Estimate what the outside world adds to the joints, and find contacts.",
     "train": "Train a network that predicts the motor current, and test it.",

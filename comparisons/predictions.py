@@ -126,10 +126,7 @@ def write_predictions(
     Raises:
         InputError: two logs have the same name, so one would overwrite the other.
     """
-    names = [source.name for source in logs]
-    for name in names:
-        if names.count(name) > 1:
-            raise InputError(f"two test logs are named {name}", "--test", "rename one of them")
+    refuse_same_names(logs)
     (folder / FOLDER).mkdir(parents=True, exist_ok=True)
     errors = Errors.of(predictor.n, cutoff)
     for source in logs:
@@ -138,6 +135,14 @@ def write_predictions(
                 errors.add(log, predicted)
                 writer.write(log, {"p": predicted})
     return errors
+
+
+def refuse_same_names(logs: Sequence[LogSource]) -> None:
+    """Raise InputError where two logs have the same name, so that one's predictions would overwrite the other's."""
+    names = [source.name for source in logs]
+    for name in names:
+        if names.count(name) > 1:
+            raise InputError(f"two test logs are named {name}", "--test", "rename one of them")
 
 
 class PredictionWriter:

@@ -100,7 +100,15 @@ class Design:
 
     def matrices(self, context: Context, memories: list[FloatArray]) -> list[FloatArray]:
         """Regression matrices of all joints' rows."""
-        return [self.matrix(context, memories, joint) for joint in range(self.robot.n)]
+        last = self.robot.n - 1
+        return [self.matrix(context, self._for(memories, joint == last), joint) for joint in range(last + 1)]
+
+    def _for(self, memories: list[FloatArray], last: bool) -> list[FloatArray]:
+        """Memories for one joint's row: an effect of the whole robot is asked for every row and must move on once."""
+        return [
+            memory if last or term.effect.joint is not None else memory.copy()
+            for term, memory in zip(self.terms, memories, strict=True)
+        ]
 
     def start(self) -> list[FloatArray]:
         """Memories of the terms at the start of a segment."""

@@ -67,6 +67,7 @@ def fit(
     drives: Drives,
     robust: bool = False,
     progress: Callable[[float], None] | None = None,
+    shapes: Sequence[FloatArray] | None = None,
 ) -> Fit:
     """Fit effects to logs.
 
@@ -81,12 +82,16 @@ def fit(
         drives: force unit per unit of current.
         robust: weight rows by Huber's function, against contacts and outliers (two more passes).
         progress: called with the share of the work done.
+        shapes: shape parameters of each effect, which are then kept instead of searched.
     """
     tell = progress or (lambda share: None)
     held = collect(sources, cutoff)
     rate = next(iter(held)).log.rate if held else 0.0
-    start = Design(robot, tuple(initial_term(e) for e in effects), drives.gain)
-    design = settle(start, thin(held, SHAPE_ROWS), drives, cutoff, rate)
+    terms = [initial_term(e) for e in effects]
+    if shapes is not None:
+        terms = [replace(term, shape=shape) for term, shape in zip(terms, shapes, strict=True)]
+    start = Design(robot, tuple(terms), drives.gain)
+    design = settle(start, thin(held, SHAPE_ROWS), drives, cutoff, rate, search=shapes is None)
     tell(0.3)
     passes = 3 if robust else 1
 
@@ -100,19 +105,21 @@ def fit(
     for number in range(1, passes):
         factors = factorise(design, rows(number), huber(design, solution))
         solution = solve(design, factors)
-    terms = with_coefficients(design, solution.parameters)
-    spread = covariance(terms, design, solution, held)
+    fitted = with_coefficients(design, solution.parameters)
+    spread = covariance(fitted, design, solution, held)
     kept = sum(int(block.keep.sum()) for block in held)
     spread *= kept / max(factors.rows, 1)
-    model = CurrentModel(robot, with_std(design, terms, spread), cutoff, rate, drives.gain, drives.force_unit)
+    model = CurrentModel(robot, with_std(design, fitted, spread), cutoff, rate, drives.gain, drives.force_unit)
     tell(1.0)
     return Fit(model, design, solution, factors, spread)
 
 
-def settle(design: Design, held: Sequence[Block], drives: Drives, cutoff: float, rate: float) -> Design:
+def settle(
+    design: Design, held: Sequence[Block], drives: Drives, cutoff: float, rate: float, search: bool = True
+) -> Design:
     """Return the design with shape parameters, and what effects need of a fitted model, that fit the held rows."""
     needs_model = any(term.effect.needs for term in design.terms)
-    has_shapes = any(term.effect.shapes for term in design.terms)
+    has_shapes = search and any(term.effect.shapes for term in design.terms)
     if not (needs_model or has_shapes):
         return design
     before = np.inf

@@ -178,14 +178,14 @@ class _Maker:
 
         def severity(a: float) -> float:
             forces = [self.effect(hidden, s, a)[0] for s in scenes]
-            return max(self.unabsorbed(scenes, forces, j) / noise[j] for j in joints)
+            return max(self.unabsorbed(scenes, forces, j) / float(noise[j]) for j in joints)
 
-        a = 1.0
+        a: float = 1.0
         for _ in range(12):
             now = severity(a)
             if abs(now / hidden.severity - 1.0) < 0.02:
                 break
-            a *= (hidden.severity / max(now, 1e-12)) ** 0.9
+            a *= float((hidden.severity / max(now, 1e-12)) ** 0.9)
         return a
 
     def unabsorbed(self, scenes: list[Scene], forces: list[FloatArray], j: int) -> float:

@@ -164,8 +164,9 @@ def _(s: Scene, j: int, a: float, rng: np.random.Generator) -> tuple[FloatArray,
     # The link stays behind until the motor has crossed the gap; its load comes back over a tenth of it.
     gap = 1e-3 * a
     link, position = np.empty(len(s.q)), s.q[0, j]
+    held = 0.5 * gap * np.sign(s.torque[:, j])
     for k, (now, first) in enumerate(zip(s.q[:, j].tolist(), s.start.tolist(), strict=True)):
-        position = now if first else min(max(position, now - 0.5 * gap), now + 0.5 * gap)
+        position = now - held[k] if first else min(max(position, now - 0.5 * gap), now + 0.5 * gap)
         link[k] = position
     engaged = np.clip(10.0 * np.abs(s.q[:, j] - link) / (0.5 * gap) - 9.0, 0.0, 1.0)
     return on(s, j, -s.torque[:, j] * (1.0 - engaged)), {"gap": gap}

@@ -85,6 +85,9 @@ class BaseTilt(Effect):
         return np.stack(weights, axis=2)
 
 
+NEUTRAL = (0.0, 0.5, -0.5, 1.0, -1.0, 1.5, -1.5, 2.0, -2.0, 2.5, -2.5, 3.0, -3.0)
+
+
 @dataclass(frozen=True)
 class GravityBalancer(Effect):
     """A spring between two pins that relieves a joint of gravity (Chung et al. 2016).
@@ -107,8 +110,8 @@ class GravityBalancer(Effect):
     def shapes(self) -> tuple[Shape, ...]:
         """Return 2 a b / (a^2 + b^2) and the neutral angle."""
         return (
-            Shape("lever", "1", 0.1, 0.98, (0.6, 0.9), log=False),
-            Shape("neutral", "{angle}", -3.3, 3.3, (0.0, 1.57, 3.1, -1.57, 0.8, -0.8, 2.36, -2.36), log=False),
+            Shape("lever", "1", 0.1, 0.98, (0.5, 0.75, 0.9), log=False, ends=False),
+            Shape("neutral", "{angle}", -3.6, 3.6, NEUTRAL, log=False),
         )
 
     def coefficients(self, robot: Robot) -> tuple[Coefficient, ...]:

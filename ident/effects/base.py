@@ -29,6 +29,7 @@ class Shape:
         lower, upper: physical bounds.
         starts: values from which the search may start; the best of them is taken.
         log: whether it is searched on a logarithmic scale.
+        ends: whether a value at a bound says that the law is not this one; not where the bound is but the logs' reach.
     """
 
     name: str
@@ -37,6 +38,7 @@ class Shape:
     upper: float
     starts: tuple[float, ...]
     log: bool = True
+    ends: bool = True
 
 
 @dataclass(frozen=True)

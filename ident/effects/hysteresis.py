@@ -15,6 +15,9 @@ if TYPE_CHECKING:
     from ident.robot import Robot
 
 
+FINE_SPREAD = (0.1, 0.3, 1.0, 3.0, 10.0)
+
+
 @dataclass(frozen=True)
 class MaxwellSlip(Effect):
     """Springs in parallel, each slipping at its own displacement (the paper's Eq. 1 and 2; Lampaert et al. 2002).
@@ -32,6 +35,11 @@ class MaxwellSlip(Effect):
     family = "hysteresis"
     rivals = ("sigmoid", "stribeck", "backlash", "cross-joint-hysteresis")
     excitation = "small reversals and rests: a loop in position that is none in velocity"
+
+    @classmethod
+    def candidates(cls, survey: Survey, joint: int | None) -> list[Effect]:
+        """Try it with elements enough to follow any curve of force over displacement."""
+        return [] if joint is None else [cls(joint, FINE_SPREAD)]
 
     @property
     def shapes(self) -> tuple[Shape, ...]:

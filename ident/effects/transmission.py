@@ -101,7 +101,7 @@ class GearRipple(Effect):
     def shapes(self) -> tuple[Shape, ...]:
         """Return the repeats a turn of the joint."""
         starts = tuple(np.arange(np.floor(self.fewest) + 1.0, self.most).tolist())
-        return (Shape("per_turn", "1", self.fewest, self.most, starts, log=False),)
+        return (Shape("per_turn", "1", self.fewest, self.most, starts, log=False, ends=False),)
 
     def coefficients(self, robot: Robot) -> tuple[Coefficient, ...]:
         """Return the amplitudes in and out of phase with the joint's zero."""

@@ -13,7 +13,7 @@ from ident.gap.candidates import Trial, admissible, best_trials, forms, refine, 
 from ident.gap.gate import Gate
 from ident.gap.panel import Errors, JointProblem, Panel
 
-GAIN = 0.015
+GAIN = 0.025
 """An effect must lower the held-out RMS residual of its joint by this share, and on every fold."""
 
 LEVEL = 0.01
@@ -81,12 +81,14 @@ class Search:
     """All candidates tried on a joint, given what is named already.
 
     Attributes:
+        joint: the joint.
         problem: the regression they were added to.
         gate: its surrogates, which have seen all of them.
         trials: the candidates, best first.
         before: squared residuals without any of them.
     """
 
+    joint: int
     problem: JointProblem
     gate: Gate
     trials: tuple[Trial, ...]
@@ -97,15 +99,16 @@ class Search:
         """Smallest held-out squared residual of all candidates."""
         return min((t.errors.total for t in self.trials if t.errors is not None), default=self.before.total)
 
-    def winner(self, named: Sequence[Named], looks: int) -> Named | None:
+    def winner(self, panel: Panel, named: Sequence[Named], looks: int) -> Named | None:
         """The best candidate that passes the gate, if there is one; ``looks`` joints share the level."""
         for trial in self.trials:
             assert trial.errors is not None
             gain = 1.0 - np.sqrt(trial.errors.total / max(self.before.total, 1e-300))
             explained = self.before.total - trial.errors.total
-            if gain <= GAIN or explained <= _law_error(trial.effect, named):
+            if gain <= GAIN or trial.at_bound or explained <= _law_error(trial.effect, named):
                 continue
-            p_value = min(1.0, looks * self.gate.p_value(trial.statistic))
+            columns = admissible(panel, self.problem, trial.effect, trial.shape, self.joint)
+            p_value = min(1.0, looks * self.gate.p_value(self.gate.statistic(columns)))
             if np.all(trial.errors.held_out < self.before.held_out) and p_value <= LEVEL:
                 return Named(trial, p_value, explained, self.trials)
         return None
@@ -116,7 +119,7 @@ def search(panel: Panel, gap: JointGap, effects: Sequence[Effect], named: Sequen
     problem = gap.problem(panel, [n.trial for n in named])
     gate = Gate(problem, starts_of(panel, problem))
     trials = best_trials(panel, gate, effects, gap.joint)
-    return Search(problem, gate, tuple(sorted(trials, key=penalised)), problem.errors())
+    return Search(gap.joint, problem, gate, tuple(sorted(trials, key=penalised)), problem.errors())
 
 
 def attribute(panel: Panel, survey: Survey, gap: JointGap, first: Search | None = None) -> list[Named]:
@@ -132,7 +135,7 @@ def attribute(panel: Panel, survey: Survey, gap: JointGap, first: Search | None 
     effects = forms(survey, gap.joint, gap.present)
     for number in range(MOST):
         tried = first if first is not None and number == 0 else search(panel, gap, effects, named)
-        found = tried.winner(named, panel.robot.n)
+        found = tried.winner(panel, named, panel.robot.n)
         if found is None:
             break
         named.append(found)

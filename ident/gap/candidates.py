@@ -17,6 +17,9 @@ from ident.gap.panel import Errors, JointProblem, Panel
 SEARCHED = 5
 """Candidates of a joint whose shape parameters are searched further than the grid of their starts."""
 
+BOUND = 0.01
+"""Share of a shape parameter's range next to a bound that counts as the bound."""
+
 GOLDEN = 0.381966
 
 
@@ -39,6 +42,11 @@ class Trial:
     statistic: float = 0.0
     errors: Errors | None = None
     columns: int = 1
+
+    @property
+    def at_bound(self) -> bool:
+        """Whether a shape parameter ended where its law stops being this one's."""
+        return any(_at_bound(s, v) for s, v in zip(self.effect.shapes, self.shape.tolist(), strict=True))
 
 
 def forms(survey: Survey, joint: int | None, present: Sequence[Effect]) -> list[Effect]:
@@ -85,7 +93,7 @@ def refine(panel: Panel, problem: JointProblem, trial: Trial, joint: int) -> Tri
         moved[number] = np.exp(x) if shapes[number].log else x
         return problem.drop(admissible(panel, problem, trial.effect, moved, joint))
 
-    for _ in range(1 if len(shapes) < 2 else 2):
+    for _ in range(1 if len(shapes) < 2 else 3):
         for number, parameter in enumerate(shapes):
             low, high = _bracket(parameter, shape[number])
             x, best = _golden(lambda x, number=number: value(number, x), low, high)  # type: ignore[misc]
@@ -114,6 +122,16 @@ def best_trials(panel: Panel, gate: Gate, effects: Sequence[Effect], joint: int)
 
 def _held_out(trial: Trial) -> float:
     return trial.errors.total if trial.errors is not None else np.inf
+
+
+def _at_bound(parameter: Shape, value: float) -> bool:
+    if not parameter.ends:
+        return False
+    low, high = (
+        (np.log(parameter.lower), np.log(parameter.upper)) if parameter.log else (parameter.lower, parameter.upper)
+    )
+    place = ((np.log(value) if parameter.log else value) - low) / (high - low)
+    return not BOUND < place < 1.0 - BOUND
 
 
 def _bracket(parameter: Shape, value: float) -> tuple[float, float]:

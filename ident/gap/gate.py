@@ -24,6 +24,7 @@ class Gate:
 
     def __init__(self, problem: JointProblem, starts: IntArray, seed: int = 0) -> None:
         self.problem = problem
+        self.starts = starts
         self.residual = problem.residual.astype(np.float32)
         self.surrogates = surrogates(problem.residual, starts, SURROGATES, np.random.default_rng([seed, len(problem)]))
         self.largest = np.zeros(SURROGATES)
@@ -52,6 +53,24 @@ class Gate:
             return drop, 0.0
         np.maximum(self.largest, chance / mean, out=self.largest)
         return drop, drop / mean
+
+    def statistic(self, columns: FloatArray) -> float:
+        """The statistic of columns (N, k) against surrogates of what is left with them fitted.
+
+        A constant or a trend is all of its own surrogate's spectrum at the lowest frequencies: surrogates of the
+        residual that still holds it would hide it.
+        """
+        own = self.problem.away(columns)
+        size = sizes(own)
+        used = size > 1e-6 * np.maximum(sizes(columns), 1e-300)
+        if not used.any():
+            return 0.0
+        own = np.linalg.qr(own[:, used] / size[used])[0]
+        part = own.T @ self.problem.residual
+        rng = np.random.default_rng(len(columns))
+        drawn = surrogates(self.problem.residual - own @ part, self.starts, SURROGATES, rng)
+        chance = np.sum((own.T.astype(np.float32) @ drawn) ** 2, axis=0)
+        return float(part @ part) / max(float(chance.mean()), 1e-300)
 
     def p_value(self, statistic: float) -> float:
         """Chance that the best candidate looks as good as ``statistic`` where there is nothing."""

@@ -74,7 +74,7 @@ def _p_value(panel: Panel, whole: Whole, searches: Sequence[Search]) -> float:
     values = []
     for joint, search in enumerate(searches):
         column = columns_of(panel, whole, joint)[search.problem.keep, None]
-        values.append(search.gate.p_value(search.gate.look(column)[1]))
+        values.append(search.gate.p_value(search.gate.statistic(column)))
     return min(1.0, min(values) * len(values))
 
 

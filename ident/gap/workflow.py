@@ -10,13 +10,14 @@ from joblib import Parallel, delayed
 from threadpoolctl import threadpool_limits
 
 from ident.arrays import BoolArray, FloatArray, IntArray
-from ident.effects.base import Effect, Survey, Term
+from ident.effects.base import Survey, Term
 from ident.effects.friction import Coulomb
 from ident.errors import InputError
 from ident.fit import Drives, fit
 from ident.gap.abstain import Explainable, explainable
 from ident.gap.attribute import JointGap, Named, Search, attribute, search, starts_of
 from ident.gap.candidates import admissible, forms
+from ident.gap.evidence import Evidence, evidence, negative_control
 from ident.gap.localise import GapMap, gap_map
 from ident.gap.panel import Panel
 from ident.gap.preflight import Untestable, untestable
@@ -50,6 +51,7 @@ class Finding:
         next_experiment: the motion that would; None where nothing is open.
         terms: what is added to the model.
         explained: share by which it lowered the held-out squared residual of its joints.
+        control: what the negative control gained, as a share of the RMS residual; None for the whole robot.
     """
 
     effect: str
@@ -61,6 +63,7 @@ class Finding:
     next_experiment: str | None
     terms: tuple[Term, ...]
     explained: float
+    control: float | None = None
 
 
 @dataclass(frozen=True)
@@ -85,6 +88,7 @@ class GapReport:
         map_before, map_after: the gap by joint and regime, on the train logs.
         panel, survey: the rows that were looked at.
         residuals: of those rows, before and after, (N, n), in force units.
+        evidence: errors on the test logs, finding by finding; None where there are no test logs.
     """
 
     before: CurrentModel
@@ -98,11 +102,21 @@ class GapReport:
     panel: Panel = field(repr=False)
     survey: Survey = field(repr=False)
     residuals: tuple[FloatArray, FloatArray] = field(repr=False)
+    evidence: Evidence | None = None
+
+    @property
+    def noise_floor(self) -> FloatArray:
+        """RMS (n,) of what is left on the rows looked at and nothing predicts, in the current's unit."""
+        squares = np.mean(self.residuals[1] ** 2, axis=0)
+        for one in self.unexplained:
+            squares[list(one.joints)] *= 1.0 - one.share
+        return np.asarray(np.sqrt(squares) / self.model.gain)
 
 
 def find_gap(
     model: CurrentModel,
     train: Sequence[LogSource],
+    test: Sequence[LogSource] = (),
     refit: bool = True,
     progress: Progress | None = None,
 ) -> GapReport:
@@ -110,7 +124,8 @@ def find_gap(
 
     Args:
         model: the simulation.
-        train: logs to find it in; logs to show it on are the caller's, and play no part here.
+        train: logs to find it in.
+        test: logs to show it on, which play no part in finding it.
         refit: whether the model's own parameters are fitted again with every candidate: what does its structure lack?
             Without, it is held fixed: what has changed since it was identified?
         progress: told what is being done and the share of it that is done.
@@ -121,13 +136,14 @@ def find_gap(
     if not train:
         raise InputError("no log to look at", "--train", "give at least one log")
     with threadpool_limits(1, "blas"):
-        return _Workflow(model, train, refit, progress or (lambda what, share: None)).run()
+        return _Workflow(model, train, test, refit, progress or (lambda what, share: None)).run()
 
 
 @dataclass(eq=False)
 class _Workflow:
     model: CurrentModel
     train: Sequence[LogSource]
+    test: Sequence[LogSource]
     refit: bool
     tell: Progress
 
@@ -240,12 +256,14 @@ class _Workflow:
         findings.sort(key=lambda f: -f.explained)
         self.tell("settling names", 0.6)
         missing = untestable(self.panel, self.survey, gaps, problems)
-        model = self.fitted(self.model, findings)
+        models = [self.fitted(self.model, findings[:k]) for k in range(1, len(findings) + 1)]
+        shown = evidence([self.model, *models], self.test) if self.test else None
+        model = models[-1] if models else self.model
         maps = [gap_map(self.panel, self.survey, r) for r in (before, after)]
         self.tell("settling names", 1.0)
         return GapReport(
             self.model, model, tuple(findings), tuple(unexplained), tuple(missing), touches, maps[0], maps[1],
-            self.panel, self.survey, (before, after),
+            self.panel, self.survey, (before, after), shown,
         )  # fmt: skip
 
     def plain(self, gap: JointGap) -> JointGap:
@@ -283,6 +301,7 @@ class _Workflow:
         return Finding(
             effect.name, effect.family, (gap.joint,), figures, one.p_value, tuple(others),
             next_experiment(effect.name, others), (term,), one.explained / max(total, 1e-300),
+            negative_control(self.panel, gap, named, one),
         )  # fmt: skip
 
     def coefficients(self, gap: JointGap, named: Sequence[Named], one: Named) -> FloatArray:
@@ -302,8 +321,10 @@ class _Workflow:
         terms = [term for finding in findings for term in finding.terms]
         if not self.refit:
             return replace(model, terms=(*model.terms, *terms))
-        effects: list[Effect] = [*(t.effect for t in model.terms), *(t.effect for t in terms)]
-        return fit(model.robot, effects, self.train, model.cutoff, Drives(model.gain, model.force_unit)).model
+        everything = [*model.terms, *terms]
+        effects, shapes = [t.effect for t in everything], [t.shape for t in everything]
+        drives = Drives(model.gain, model.force_unit)
+        return fit(model.robot, effects, self.train, model.cutoff, drives, shapes=shapes).model
 
 
 def _edge(panel: Panel, own: Sequence[Term], joint: int) -> FloatArray:

@@ -1,0 +1,233 @@
+"""The report of ``sensorless gap``: where the gap is, what it is called, how far it closes, and what stays open."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from comparisons.report import style
+from comparisons.report.provenance import Provenance
+from comparisons.report.report import Report
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+    from ident.arrays import FloatArray
+    from ident.gap import Finding, GapReport
+    from ident.log import LogSource
+
+WORDS = {
+    "payload": "the arm carries a load that the model does not know",
+    "base-tilt": "the base is tilted",
+    "cable-spring": "a cable or hose pulls as the joint turns",
+    "gravity-balancer": "a balancer relieves the joint of gravity",
+    "rotor-inertia": "more inertia turns with the joint than the model says",
+    "coulomb": "dry friction differs from the model's",
+    "viscous": "viscous friction differs from the model's",
+    "coulomb-asymmetry": "friction differs between the two directions",
+    "stribeck": "friction is higher at low speed",
+    "sigmoid": "dry friction builds up over a range of speeds",
+    "viscous-nonlinear": "friction grows with a power of speed",
+    "load-friction": "friction grows with load",
+    "position-friction": "friction swings with the joint's angle",
+    "thermal-friction": "friction changes as the joint warms up",
+    "maxwell-slip": "friction remembers how the joint came to where it is",
+    "cross-joint-hysteresis": "another joint's motion drives a hysteretic force",
+    "backlash": "the load is missing while the gear crosses its play",
+    "cross-joint-friction": "friction depends on another joint's speed",
+    "elasticity": "the link lags behind the motor on a spring",
+    "gear-ripple": "a force repeats with the joint's angle, as gears do",
+    "drive-gain": "the drive's gain is not the model's",
+    "torque-saturation": "the motor gives less torque at high current",
+    "current-offset": "the current has another offset",
+    "sensor-drift": "the current's offset drifts",
+    "cogging": "a force repeats with the joint's angle, as motor poles do",
+    "delay": "the current comes late",
+    "filter-lag": "the current passes a filter",
+    "contact": "something touched the arm",
+}
+UNITS = {"mass": "kg", "seconds": "s", "hertz": "Hz", "roll": "rad", "pitch": "rad", "gap": "rad", "slip": "rad"}
+POINTS = 4000
+
+
+def sentence(found: GapReport, finding: Finding) -> str:
+    """Say a finding in one sentence, with its main figures and the gap before and after on the test logs."""
+    where = f"Joint {finding.joints[0] + 1}" if len(finding.joints) == 1 else "Whole robot"
+    if len(finding.joints) > 1:
+        where = "Joints " + ", ".join(str(j + 1) for j in finding.joints)
+    figures = ", ".join(
+        f"{key} {_number(value)}{' ' + UNITS[key] if key in UNITS else ''}" for key, value in finding.parameters.items()
+    )
+    text = f"{where}: {WORDS.get(finding.effect, finding.effect)} ({finding.effect}; {figures})"
+    if found.evidence is not None and finding.effect != "contact":
+        number = found.findings.index(finding)
+        before, after = found.evidence.steps[number], found.evidence.steps[number + 1]
+        joint = finding.joints[0] if finding.joints else int(np.argmax(1.0 - after / before))
+        unit = found.model.unit
+        text += f"; the gap on test logs falls from {before[joint]:.3g} to {after[joint]:.3g} {unit}"
+        text += f"{'' if finding.joints else f' on joint {joint + 1}'}, noise floor {found.noise_floor[joint]:.3g}"
+    text += "."
+    if finding.alternatives:
+        text += f" These logs cannot tell it from {', '.join(finding.alternatives)}."
+    return text
+
+
+def gap_report(found: GapReport, test: Sequence[LogSource], note: Provenance) -> Report:
+    """Report what the workflow found.
+
+    Args:
+        found: the workflow's report.
+        test: logs on which the gap is shown.
+        note: the run behind it.
+    """
+    assert found.evidence is not None
+    robot, unit = found.model.robot, found.model.unit
+    before, after = found.evidence.before, found.evidence.after
+    names = ", ".join(dict.fromkeys(f.effect for f in found.findings)) or "nothing"
+    summary = (
+        f"Named: {names}. Mean error on the test logs {before.mean():.3g} {unit} before, {after.mean():.3g} after."
+    )
+    report = Report(f"The gap between simulation and measurement of {robot.name}", summary)
+    report.section("Findings")
+    if not found.findings:
+        report.text("No effect of the catalogue passes the gate on these logs.")
+    for finding in found.findings:
+        report.text(sentence(found, finding))
+        if finding.next_experiment:
+            report.text(f"To settle it, record `{finding.next_experiment}`.")
+    if found.findings:
+        _table(report, found)
+    report.section("Where the gap is")
+    report.text(
+        "RMS residual by joint and regime of motion on the train logs, over the joint's noise floor; one is noise. "
+        "Intervals come from a block bootstrap."
+    )
+    report.figure(_map(found), "Before (left) and after (right) what was found is added")
+    rows = [[j + 1, name, before[j], after[j], found.noise_floor[j]] for j, name in enumerate(robot.joints)]
+    columns = ["joint", "name", f"before [{unit}]", f"after [{unit}]", f"noise floor [{unit}]"]
+    report.table(columns, rows, "RMS error on the test logs")
+    for finding in found.findings:
+        if len(finding.joints) == 1 and finding.effect != "contact":
+            report.figure(_signal(found, finding), f"Joint {finding.joints[0] + 1}: {finding.effect}")
+    _traces(report, found, test)
+    _open(report, found)
+    return report.provenance(note)
+
+
+def _table(report: Report, found: GapReport) -> None:
+    rows = []
+    for finding in found.findings:
+        joints = ", ".join(str(j + 1) for j in finding.joints) or "all"
+        control = "" if finding.control is None else f"{100 * finding.control:.2g} %"
+        figures = ", ".join(f"{k} {_number(v)}" for k, v in finding.parameters.items())
+        others = ", ".join(finding.alternatives) or "none"
+        rows.append([joints, finding.effect, figures, f"{finding.p_value:.1g}", others, control])
+    columns = ["joint", "effect", "parameters", "p-value", "alternatives", "negative control"]
+    report.table(
+        columns,
+        rows,
+        "p-value: chance of so good a candidate where there is nothing. Negative control: what the same signal, shifted "
+        "in time, gains; it must be about nought.",
+    )
+
+
+def _map(found: GapReport) -> Figure:
+    figure = style.new_figure(9.0, 0.35 * found.model.n + 1.6)
+    with style.report_style():
+        axes = figure.subplots(1, 2, sharey=True)
+        floor = (found.noise_floor * found.model.gain)[:, None]
+        shown = [m.rms / np.maximum(floor, 1e-300) for m in (found.map_before, found.map_after)]
+        top = max(2.0, float(np.nanmax(shown[0])))
+        for axis, values, title in zip(axes, shown, ("before", "after"), strict=True):
+            axis.imshow(values, aspect="auto", cmap="YlOrRd", vmin=0.8, vmax=top)
+            axis.set_title(title)
+            axis.set_xticks(range(len(found.map_before.regimes)), found.map_before.regimes, rotation=60, ha="right")
+            axis.set_yticks(range(found.model.n), [f"J{j + 1}" for j in range(found.model.n)])
+            axis.grid(False)
+            for (j, k), value in np.ndenumerate(values):
+                if np.isfinite(value):
+                    colour = "white" if value > 0.65 * top else "#1f2a33"
+                    axis.text(k, j, f"{value:.1f}", ha="center", va="center", fontsize=6, color=colour)
+    return figure
+
+
+def _signal(found: GapReport, finding: Finding) -> Figure:
+    """The residual against the signal that the effect depends on, before and after."""
+    joint = finding.joints[0]
+    label, x = _depends_on(found, finding, joint)
+    every = max(1, len(x) // POINTS)
+    figure = style.new_figure(9.0, 2.6)
+    with style.report_style():
+        axes = figure.subplots(1, 2, sharey=True)
+        gain = found.model.gain[joint]
+        for axis, values, title in zip(axes, found.residuals, ("before", "after"), strict=True):
+            y = values[:, joint] / gain
+            axis.plot(x[::every], y[::every], ".", color=style.RESIDUAL, markersize=1.5)
+            edges = np.quantile(x, np.linspace(0, 1, 25))
+            middles, means = [], []
+            for low, high in zip(edges[:-1], edges[1:], strict=True):
+                rows = (x >= low) & (x <= high)
+                if rows.sum() > 10:
+                    middles.append(float(x[rows].mean()))
+                    means.append(float(y[rows].mean()))
+            axis.plot(middles, means, color=style.PREDICTED, linewidth=1.5, label="mean")
+            axis.set_title(title)
+            axis.set_xlabel(label)
+        axes[0].set_ylabel(f"residual [{found.model.unit}]")
+        style.legend_above(figure, axes[0])
+    return figure
+
+
+def _depends_on(found: GapReport, finding: Finding, joint: int) -> tuple[str, FloatArray]:
+    """The signal that shows an effect best: what its columns follow."""
+    panel = found.panel
+    slow = ("stribeck", "sigmoid", "viscous-nonlinear", "coulomb", "viscous", "coulomb-asymmetry")
+    if finding.effect in slow:
+        return "velocity [rad/s]", panel.velocity[:, joint]
+    if finding.effect in ("gear-ripple", "cogging", "cable-spring", "gravity-balancer"):
+        return "position [rad]", panel.gather(lambda b: b.motion.q)[:, joint]
+    if finding.effect == "sensor-drift":
+        return "time [s]", panel.gather(lambda b: b.motion.t)
+    term = finding.terms[0]
+    columns = panel.columns(term.effect, term.shape, joint) @ term.coefficients
+    return f"what {finding.effect} adds [{found.model.force_unit}]", columns
+
+
+def _traces(report: Report, found: GapReport, test: Sequence[LogSource]) -> None:
+    log, old = next(found.before.predict_blocks(test[0]))
+    _, new = next(found.model.predict_blocks(test[0]))
+    rows = slice(0, 6000)
+    figure, axes = style.joint_grid(found.model.robot.joints, "time [s]", f"residual [{found.model.unit}]")
+    t = log.t[rows] - log.t[0]
+    for j, axis in enumerate(axes):
+        for values, colour, label in ((old, style.MEASURED, "before"), (new, style.PREDICTED, "after")):
+            axis.plot(*style.thin(t, (log.current - values)[rows, j]), color=colour, label=label, linewidth=0.7)
+    style.legend_above(figure, axes[0])
+    report.section("Residuals")
+    report.figure(figure, f"Beginning of `{test[0].name}`, a test log")
+
+
+def _open(report: Report, found: GapReport) -> None:
+    report.section("What is unexplained")
+    rows = [
+        [", ".join(str(j + 1) for j in u.joints), ", ".join(u.depends_on), 100 * u.share] for u in found.unexplained
+    ]
+    if rows:
+        columns = ["joint", "depends on", "explainable share of the squared residual [%]"]
+        report.table(columns, rows, "There, but no effect of the catalogue accounts for it")
+    else:
+        report.text("Nothing that a flexible regressor could predict on stretches held out.")
+    report.section("What could not be tested")
+    rows = [[u.effect, ", ".join(str(j + 1) for j in u.joints) or "all", u.reason] for u in found.untestable]
+    if rows:
+        report.table(["effect", "joint", "why"], rows)
+    else:
+        report.text("These logs could show every effect of the catalogue.")
+
+
+def _number(value: float | list[float]) -> str:
+    if isinstance(value, list):
+        return "[" + ", ".join(f"{v:.3g}" for v in value) + "]"
+    return f"{value:.3g}"

@@ -1,0 +1,62 @@
+"""Step 8, evidence: the gap on logs that played no part, before and after each finding, and what noise leaves."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from ident.arrays import FloatArray
+from ident.gap.attribute import JointGap, Named
+from ident.gap.panel import Panel
+from ident.log import LogSource
+from ident.model import CurrentModel
+
+
+@dataclass(frozen=True, eq=False)
+class Evidence:
+    """RMS errors on test logs, in the current's unit.
+
+    Attributes:
+        steps: (n,) for the model before, then with one finding more each, to the model with all of them.
+        rows: rows that were predicted.
+    """
+
+    steps: tuple[FloatArray, ...]
+    rows: int
+
+    @property
+    def before(self) -> FloatArray:
+        """RMS error (n,) of the model before."""
+        return self.steps[0]
+
+    @property
+    def after(self) -> FloatArray:
+        """RMS error (n,) of the model with everything that was found."""
+        return self.steps[-1]
+
+
+def evidence(models: Sequence[CurrentModel], test: Sequence[LogSource]) -> Evidence:
+    """Predict logs with a model and with each of its extensions."""
+    squares = [np.zeros(model.n) for model in models]
+    rows = 0
+    for source in test:
+        for k, model in enumerate(models):
+            for log, predicted in model.predict_blocks(source):
+                left = log.current - predicted
+                known = np.isfinite(left).all(axis=1)
+                squares[k] += np.sum(left[known] ** 2, axis=0)
+                rows += int(known.sum()) if k == 0 else 0
+    return Evidence(tuple(np.sqrt(s / max(rows, 1)) for s in squares), rows)
+
+
+def negative_control(panel: Panel, gap: JointGap, named: Sequence[Named], one: Named) -> float:
+    """Share by which the effect's columns, shifted by half of the rows, lower the held-out RMS residual.
+
+    They have the same values but nothing to do with the motion any more: anything above nought is chance.
+    """
+    problem = gap.problem(panel, [n.trial for n in named if n is not one])
+    columns = panel.columns(one.effect, one.trial.shape, gap.joint)[problem.keep]
+    shifted = problem.errors(np.roll(columns, len(columns) // 2, axis=0)).total
+    return float(1.0 - np.sqrt(shifted / max(problem.errors().total, 1e-300)))
