@@ -12,6 +12,7 @@ from ident.arrays import FloatArray
 from ident.effects.base import Coefficient, Context, Effect, Shape, Term
 from ident.effects.rigid_body import Links, RotorInertia
 from ident.log import JointLog, LogSource, Sample
+from ident.online_friction import Memories, OneSample
 from ident.robot import Robot
 from ident.signals import CausalDerivatives, Motion, derive
 from ident.walk import walk
@@ -39,7 +40,7 @@ class CurrentModel:
     rate: float
     gain: FloatArray
     force_unit: str
-    _online: tuple[CausalDerivatives, list[FloatArray]] | None = field(default=None, init=False, repr=False)
+    _online: tuple[CausalDerivatives, Memories] | None = field(default=None, init=False, repr=False)
 
     @property
     def n(self) -> int:
@@ -88,9 +89,21 @@ class CurrentModel:
         load = self.load(motion)
         return Context(self.robot, motion, load, self.link_parameters, self._ordinary(motion, load) if total else None)
 
+    @cached_property
+    def one_sample(self) -> OneSample:
+        """The terms that a compiled loop sums where there is one sample."""
+        return OneSample(self.terms, self.robot)
+
+    @cached_property
+    def _others(self) -> list[int]:
+        """Numbers of the terms that the compiled loop leaves to their own columns."""
+        known = self.one_sample.encoded
+        return [k for k, term in enumerate(self.terms) if not known[k] and not isinstance(term.effect, Links)]
+
     def friction(self, motion: Motion, memories: list[FloatArray] | None = None) -> FloatArray:
         """Force (N, n) of everything but links and rotors, carrying the memories forward (default: from a start)."""
-        load = self.load(motion)
+        loaded = len(motion.t) > 1 or self.one_sample.asks_load or self._others
+        load = self.load(motion) if loaded else np.zeros((1, self.n))
         rotors = self.rotor_inertia * motion.ddq
         return self._all(motion, load, self.start() if memories is None else memories) - load - rotors
 
@@ -98,9 +111,9 @@ class CurrentModel:
         """Force (N, n) of all effects, carrying the memories forward."""
         return self._all(motion, self.load(motion), memories)
 
-    def start(self) -> list[FloatArray]:
+    def start(self) -> Memories:
         """Memories of the terms at the start of a segment."""
-        return [term.effect.start() for term in self.terms]
+        return Memories.start(self.terms)
 
     def predict(self, log: JointLog, causal: bool = False) -> FloatArray:
         """Predict the current (N, n); NaN in rows whose segment is too short to derive velocity from."""
@@ -141,12 +154,17 @@ class CurrentModel:
 
     def _all(self, motion: Motion, load: FloatArray, memories: list[FloatArray]) -> FloatArray:
         """Force (N, n) of all terms: first those that do not need the total, then those that do."""
+        force, left = load.copy(), list(zip(self.terms, memories, strict=True))
+        if len(motion.t) == 1 and isinstance(memories, Memories):
+            self.one_sample.add(motion.q[0], motion.dq[0], motion.ddq[0], load[0], memories, force[0])
+            left = [left[k] for k in self._others]
+            if not left:
+                return force
         context = Context(self.robot, motion, load, self.link_parameters)
-        force = load.copy()
         for late in (False, True):
             if late:
                 context = replace(context, total=force.copy())
-            for term, memory in zip(self.terms, memories, strict=True):
+            for term, memory in left:
                 effect = term.effect
                 if ("total" in effect.needs) == late and not isinstance(effect, Links):
                     joints = slice(None) if effect.joint is None else effect.joint

@@ -1,0 +1,233 @@
+"""A model's terms at one sample, summed in one compiled call: what the online paths of model and observers run on.
+
+The effects' own ``columns`` stay the reference. The effects that an identified model holds are encoded here once more
+as rows of a table that a compiled loop walks; every other effect, a user's own or a subclass of an encoded one, keeps
+to its ``columns``.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+
+from ident.arrays import FloatArray, IntArray
+from ident.compiled import compiled
+from ident.effects.base import Effect, Term
+from ident.effects.electrical import CurrentOffset
+from ident.effects.friction import (
+    Coulomb,
+    CoulombAsymmetry,
+    LoadFriction,
+    Sigmoid,
+    Stribeck,
+    Viscous,
+    ViscousNonlinear,
+)
+from ident.effects.hysteresis import MaxwellSlip
+from ident.effects.rigid_body import CableSpring, RotorInertia
+from ident.effects.transmission import CrossJointFriction, GearRipple
+from ident.robot import Robot
+
+_COULOMB, _VISCOUS, _OFFSET, _ROTOR, _ASYMMETRY, _STRIBECK, _SIGMOID, _NONLINEAR = range(8)
+_LOAD, _CABLE, _RIPPLE, _CROSS, _SLIP = range(8, 13)
+
+ENCODED: dict[type[Effect], int] = {
+    Coulomb: _COULOMB,
+    Viscous: _VISCOUS,
+    CurrentOffset: _OFFSET,
+    RotorInertia: _ROTOR,
+    CoulombAsymmetry: _ASYMMETRY,
+    Stribeck: _STRIBECK,
+    Sigmoid: _SIGMOID,
+    ViscousNonlinear: _NONLINEAR,
+    LoadFriction: _LOAD,
+    CableSpring: _CABLE,
+    GearRipple: _RIPPLE,
+    CrossJointFriction: _CROSS,
+    MaxwellSlip: _SLIP,
+}
+"""Number by which the compiled loop knows each encoded effect; exactly these classes, not what is derived from them."""
+
+
+class Memories(list[FloatArray]):
+    """Memories of a model's terms, one array a term, side by side in one vector.
+
+    The arrays are views: effects carry them forward in place, and the compiled loop sees the same numbers in ``flat``.
+
+    Args:
+        flat: all memories, one after the other, (M,).
+        shapes: shape of each term's memory.
+    """
+
+    def __init__(self, flat: FloatArray, shapes: Sequence[tuple[int, ...]]) -> None:
+        self.flat, self._shapes = flat, tuple(shapes)
+        ends = np.cumsum([math.prod(shape) for shape in self._shapes], dtype=np.int64)
+        starts = np.concatenate([np.zeros(1, dtype=np.int64), ends])
+        super().__init__(flat[a:b].reshape(s) for a, b, s in zip(starts[:-1], ends, self._shapes, strict=True))
+
+    def __reduce__(self) -> tuple[type[Memories], tuple[FloatArray, tuple[tuple[int, ...], ...]]]:
+        # a copy's arrays must be views of the copy's own vector
+        return Memories, (self.flat, self._shapes)
+
+    @staticmethod
+    def start(terms: Sequence[Term]) -> Memories:
+        """Return the memories as they stand at the start of a segment."""
+        starts = [np.asarray(term.effect.start(), dtype=np.float64) for term in terms]
+        return Memories(np.concatenate([np.zeros(0), *(s.ravel() for s in starts)]), [s.shape for s in starts])
+
+
+class OneSample:
+    """The encoded terms of a model, ready for single samples.
+
+    Args:
+        terms: the model's terms.
+        robot: its robot.
+
+    Attributes:
+        encoded: for each term, whether the compiled loop knows it.
+        asks_load: whether one of the encoded terms depends on the force that the links need.
+    """
+
+    def __init__(self, terms: Sequence[Term], robot: Robot) -> None:
+        self.encoded = tuple(_known(term, robot) for term in terms)
+        entries, values, memory = [], [np.zeros(0)], 0
+        for term, encoded in zip(terms, self.encoded, strict=True):
+            if encoded:
+                own = _values(term)
+                entries.append([*_entry(term), sum(map(len, values)), memory])
+                values.append(own)
+            memory += term.effect.start().size
+        self.asks_load = any(entry[0] == _LOAD for entry in entries)
+        self._entries: IntArray = np.array(entries, dtype=np.int64).reshape(-1, 6)
+        self._values: FloatArray = np.concatenate(values)
+
+    def add(
+        self,
+        q: FloatArray,
+        dq: FloatArray,
+        ddq: FloatArray,
+        load: FloatArray,
+        memories: Memories,
+        force: FloatArray,
+    ) -> None:
+        """Add the encoded terms to a force, carrying their memories forward; every array but the memories is (n,).
+
+        Args:
+            q, dq, ddq: the sample's motion [rad or m, s].
+            load: force that the links need; read only where ``asks_load``.
+            memories: of all the model's terms, as ``Memories.start`` gave them.
+            force: what is added to, in the model's force unit.
+        """
+        add_terms(self._entries, self._values, q, dq, ddq, load, memories.flat, force)
+
+
+def _known(term: Term, robot: Robot) -> bool:
+    """Whether the table can hold a term; whatever is odd about one is left for its columns to complain of."""
+    effect = term.effect
+    if type(effect) not in ENCODED:
+        return False
+    inside = all(j is not None and 0 <= j < robot.n for j in (effect.joint, getattr(effect, "source", 0)))
+    full = (len(effect.shapes), len(effect.coefficients(robot)))
+    return inside and (len(term.shape), len(term.coefficients)) == full
+
+
+def _entry(term: Term) -> list[int]:
+    """Kind, joint, other joint and elements of a term."""
+    effect = term.effect
+    elements = len(effect.spread) if isinstance(effect, MaxwellSlip) else 0
+    return [ENCODED[type(effect)], effect.at, getattr(effect, "source", 0), elements]
+
+
+def _values(term: Term) -> FloatArray:
+    """Smoothing, shapes and coefficients of a term; of Maxwell slip the elements' displacements and forces."""
+    effect = term.effect
+    if isinstance(effect, MaxwellSlip):
+        return np.concatenate([term.shape[0] * np.array(effect.spread), term.coefficients])
+    return np.concatenate([[getattr(effect, "smoothing", 0.0)], term.shape, term.coefficients])
+
+
+@compiled
+def add_terms(
+    entries: IntArray,
+    values: FloatArray,
+    q: FloatArray,
+    dq: FloatArray,
+    ddq: FloatArray,
+    load: FloatArray,
+    memory: FloatArray,
+    force: FloatArray,
+) -> None:
+    """Add every row of the table to ``force`` (n,).
+
+    ``entries`` (T, 6): kind, joint, other joint, elements, and where in ``values`` and ``memory`` the term's begin.
+    """
+    for k in range(len(entries)):
+        kind, j, source, elements, v, m = entries[k]
+        if kind == _SLIP:
+            force[j] += _slip(q[j], values[v : v + 2 * elements], memory[m : m + elements])
+        elif kind == _CROSS:
+            mixed = dq[j] + values[v + 1] * dq[source]
+            force[j] += values[v + 2] * math.tanh(mixed / values[v]) + values[v + 3] * dq[source]
+        elif kind <= _ROTOR or kind in (_CABLE, _RIPPLE):
+            force[j] += _plain(kind, values[v:], q[j], dq[j], ddq[j])
+        else:
+            force[j] += _by_speed(kind, values[v:], dq[j], load[j])
+
+
+@compiled
+def _plain(kind: int, p: FloatArray, q: float, dq: float, ddq: float) -> float:
+    """Force of a term without shapes or load, or that the angle alone decides; ``p`` holds its values."""
+    force: float = p[1]
+    if kind == _COULOMB:
+        force *= math.tanh(dq / p[0])
+    elif kind == _VISCOUS:
+        force *= dq
+    elif kind == _ROTOR:
+        force *= ddq
+    elif kind == _CABLE:
+        force = p[1] * q + p[2] * q * q * q
+    elif kind == _RIPPLE:
+        force = p[2] * math.sin(p[1] * q) + p[3] * math.cos(p[1] * q)
+    return force
+
+
+@compiled
+def _by_speed(kind: int, p: FloatArray, dq: float, load: float) -> float:
+    """Force of a term that bends with the speed, or that speed and load decide; ``p`` holds its values."""
+    direction = math.tanh(dq / p[0])
+    force: float = p[1] * direction * abs(load)
+    if kind == _ASYMMETRY:
+        force = p[1] * abs(direction)
+    elif kind == _STRIBECK:
+        force = p[2] * direction * math.exp(-((dq / p[1]) ** 2))
+    elif kind == _SIGMOID:
+        force = p[3] * (_logistic((dq + p[2]) / p[1]) - _logistic(p[2] / p[1]))
+    elif kind == _NONLINEAR:
+        force = p[2] * direction * (abs(dq) + 1e-9) ** p[1]
+    return force
+
+
+@compiled
+def _logistic(x: float) -> float:
+    return 0.5 * (1.0 + math.tanh(0.5 * x))
+
+
+@compiled
+def _slip(z: float, p: FloatArray, position: FloatArray) -> float:
+    """Maxwell elements; ``p`` holds their displacements, then their forces, ``position`` where each stands."""
+    elements = len(position)
+    total = 0.0
+    for k in range(elements):
+        slip, zeta = p[k], position[k]
+        if np.isnan(zeta):
+            zeta = z
+        stretch = z - zeta
+        if stretch >= slip:
+            zeta, stretch = z - slip, slip
+        elif stretch <= -slip:
+            zeta, stretch = z + slip, -slip
+        position[k] = zeta
+        total += p[elements + k] * (stretch / slip)
+    return total
