@@ -85,6 +85,11 @@ class CausalDerivatives:
         self._out = np.zeros((3, 1, n))
         self._time = np.zeros(1)
 
+    @property
+    def parts(self) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+        """What ``scan_rows`` works on: constants, clock, last row and state, all but the first changed in place."""
+        return self._constants, self._clock, self._last, self._state
+
     def reset(self) -> None:
         """Forget the past, as at the start of a segment."""
         self._clock[0] = 0.0
@@ -122,7 +127,7 @@ class CausalDerivatives:
         return out[0], out[1], out[2]
 
     def _scan(self, t: FloatArray, signals: FloatArray, has_dq: bool, has_ddq: bool, out: FloatArray) -> None:
-        _scan_rows(t, signals, has_dq, has_ddq, self._constants, self._clock, self._last, self._state, out)
+        scan_rows(t, signals, has_dq, has_ddq, *self.parts, out)
 
 
 def check_cutoff(rate: float, cutoff: float) -> None:
@@ -161,7 +166,7 @@ def _run_sections(
 
 
 @njit(cache=True)
-def _scan_rows(
+def scan_rows(
     t: FloatArray,
     signals: FloatArray,
     has_dq: bool,

@@ -94,15 +94,9 @@ class CurrentModel:
         """The terms that a compiled loop sums where there is one sample."""
         return OneSample(self.terms, self.robot)
 
-    @cached_property
-    def _others(self) -> list[int]:
-        """Numbers of the terms that the compiled loop leaves to their own columns."""
-        known = self.one_sample.encoded
-        return [k for k, term in enumerate(self.terms) if not known[k] and not isinstance(term.effect, Links)]
-
     def friction(self, motion: Motion, memories: list[FloatArray] | None = None) -> FloatArray:
         """Force (N, n) of everything but links and rotors, carrying the memories forward (default: from a start)."""
-        loaded = len(motion.t) > 1 or self.one_sample.asks_load or self._others
+        loaded = len(motion.t) > 1 or self.one_sample.asks_load or self.one_sample.others
         load = self.load(motion) if loaded else np.zeros((1, self.n))
         rotors = self.rotor_inertia * motion.ddq
         return self._all(motion, load, self.start() if memories is None else memories) - load - rotors
@@ -157,7 +151,7 @@ class CurrentModel:
         force, left = load.copy(), list(zip(self.terms, memories, strict=True))
         if len(motion.t) == 1 and isinstance(memories, Memories):
             self.one_sample.add(motion.q[0], motion.dq[0], motion.ddq[0], load[0], memories, force[0])
-            left = [left[k] for k in self._others]
+            left = [left[k] for k in self.one_sample.others]
             if not left:
                 return force
         context = Context(self.robot, motion, load, self.link_parameters)

@@ -26,7 +26,7 @@ from ident.effects.friction import (
     ViscousNonlinear,
 )
 from ident.effects.hysteresis import MaxwellSlip
-from ident.effects.rigid_body import CableSpring, RotorInertia
+from ident.effects.rigid_body import CableSpring, Links, RotorInertia
 from ident.effects.transmission import CrossJointFriction, GearRipple
 from ident.robot import Robot
 
@@ -87,11 +87,15 @@ class OneSample:
 
     Attributes:
         encoded: for each term, whether the compiled loop knows it.
+        others: numbers of the terms left to their own columns; links are neither.
         asks_load: whether one of the encoded terms depends on the force that the links need.
+        table: what ``add_terms`` walks, its ``entries`` and ``values``.
     """
 
     def __init__(self, terms: Sequence[Term], robot: Robot) -> None:
         self.encoded = tuple(_known(term, robot) for term in terms)
+        strange = [not known and not isinstance(t.effect, Links) for t, known in zip(terms, self.encoded, strict=True)]
+        self.others = [k for k, other in enumerate(strange) if other]
         entries, values, memory = [], [np.zeros(0)], 0
         for term, encoded in zip(terms, self.encoded, strict=True):
             if encoded:
@@ -100,8 +104,10 @@ class OneSample:
                 values.append(own)
             memory += term.effect.start().size
         self.asks_load = any(entry[0] == _LOAD for entry in entries)
-        self._entries: IntArray = np.array(entries, dtype=np.int64).reshape(-1, 6)
-        self._values: FloatArray = np.concatenate(values)
+        self.table: tuple[IntArray, FloatArray] = (
+            np.array(entries, dtype=np.int64).reshape(-1, 6),
+            np.concatenate(values),
+        )
 
     def add(
         self,
@@ -120,7 +126,7 @@ class OneSample:
             memories: of all the model's terms, as ``Memories.start`` gave them.
             force: what is added to, in the model's force unit.
         """
-        add_terms(self._entries, self._values, q, dq, ddq, load, memories.flat, force)
+        add_terms(*self.table, q, dq, ddq, load, memories.flat, force)
 
 
 def _known(term: Term, robot: Robot) -> bool:

@@ -141,6 +141,7 @@ def _(s: Scene, j: int, a: float, rng: np.random.Generator) -> tuple[FloatArray,
     for k in range(len(s.t)):
         level = 0.0 if s.start[k] else level + dt[k] / seconds * (power[k] / usual - level)
         heat[k] = level
+    a = min(a, 0.8)  # friction is not turned round
     return on(s, j, -a * own * heat / (0.5 + 0.5 * heat)), {"share": a, "seconds": seconds}
 
 
@@ -161,15 +162,16 @@ def _(s: Scene, j: int, a: float, rng: np.random.Generator) -> tuple[FloatArray,
 
 @law("backlash")
 def _(s: Scene, j: int, a: float, rng: np.random.Generator) -> tuple[FloatArray, dict[str, float]]:
-    # The link stays behind until the motor has crossed the gap; its load comes back over a tenth of it.
-    gap = 1e-3 * a
+    # The link stays behind until the motor has crossed the gap; a share of its load is missing until then.
+    gap = rng.uniform(5e-4, 3e-3)
     link, position = np.empty(len(s.q)), s.q[0, j]
     held = 0.5 * gap * np.sign(s.torque[:, j])
     for k, (now, first) in enumerate(zip(s.q[:, j].tolist(), s.start.tolist(), strict=True)):
-        position = now - held[k] if first else min(max(position, now - 0.5 * gap), now + 0.5 * gap)
+        resting = abs(s.dq[k, j]) < 1e-3  # the load presses the link against one flank
+        position = now - held[k] if first or resting else min(max(position, now - 0.5 * gap), now + 0.5 * gap)
         link[k] = position
     engaged = np.clip(10.0 * np.abs(s.q[:, j] - link) / (0.5 * gap) - 9.0, 0.0, 1.0)
-    return on(s, j, -s.torque[:, j] * (1.0 - engaged)), {"gap": gap}
+    return on(s, j, -a * s.torque[:, j] * (1.0 - engaged)), {"gap": gap}
 
 
 @law("cross-joint-friction")

@@ -115,7 +115,8 @@ class CrossJointHysteresis(Effect):
 class Backlash(Effect):
     """Play between motor and link: after a reversal the motor crosses the gap without the link's load.
 
-    The position of the motor inside the gap is a play operator on the joint's position (Nordin and Gutman 2002).
+    The position of the motor inside the gap is a play operator on the joint's position (Nordin and Gutman 2002); at
+    rest the load presses the link against one flank.
     """
 
     name = "backlash"
@@ -134,19 +135,36 @@ class Backlash(Effect):
         return (Coefficient("share", "1", lower=0.0),)
 
     def start(self) -> FloatArray:
-        """Return the link's position, not known before the first sample, and whether it was ever pushed along."""
-        return np.array([np.nan, 0.0])
+        """Return the motor's place in the gap and the last position, not known before the first sample."""
+        return np.array([0.0, np.nan])
 
     def columns(self, context: Context, shape: FloatArray, memory: FloatArray) -> FloatArray:
         """Return minus the load where the motor is inside the gap."""
-        load = context.needed("load", self.name)[:, self.at]
-        position = np.ascontiguousarray(context.motion.q[:, self.at])
-        inside = np.abs(_slip_forces(position, 0.5 * shape, memory)[:, 0]) < 1.0 - 1e-9
-        # Where the motor stands in the gap is not known before it has once pushed the link along.
-        known = np.maximum.accumulate(np.append(memory[1] > 0.0, ~inside))
-        memory[1] = float(known[-1])
-        inside &= known[1:]
-        return (-load * inside)[:, None]
+        load, q, dq = (
+            np.ascontiguousarray(x[:, self.at])
+            for x in (context.needed("load", self.name), context.motion.q, context.motion.dq)
+        )
+        return (-load * _inside(q, dq, load, 0.5 * float(shape[0]), memory))[:, None]
+
+
+RESTING = 1e-3
+"""Speed [rad/s or m/s] below which a joint rests on one flank of its gap."""
+
+
+@compiled
+def _inside(q: FloatArray, dq: FloatArray, load: FloatArray, half: float, memory: FloatArray) -> FloatArray:
+    """One where the motor is inside the gap, nought where it carries the link."""
+    out = np.zeros(len(q))
+    place, last = memory[0], memory[1]
+    for k in range(len(q)):
+        if np.isnan(last) or abs(dq[k]) < RESTING:
+            place = half if load[k] >= 0.0 else -half
+        else:
+            place = min(max(place + q[k] - last, -half), half)
+        last = q[k]
+        out[k] = 1.0 if abs(place) < half * (1.0 - 1e-9) else 0.0
+    memory[0], memory[1] = place, last
+    return out
 
 
 @compiled

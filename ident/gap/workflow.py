@@ -17,6 +17,7 @@ from ident.fit import Drives, fit
 from ident.gap.abstain import Explainable, explainable
 from ident.gap.attribute import JointGap, Named, Search, attribute, search, starts_of
 from ident.gap.candidates import admissible, forms
+from ident.gap.constancy import inconstancy
 from ident.gap.evidence import Evidence, evidence, negative_control
 from ident.gap.localise import GapMap, gap_map
 from ident.gap.panel import Panel
@@ -31,8 +32,17 @@ from ident.model import CurrentModel
 
 Progress = Callable[[str, float], None]
 
-ENOUGH = 2.0
-"""Names of a joint must explain this many times what could still be explained after them; else none is given."""
+EDGE, WIDEST = 4.0, 0.012
+"""How much narrower and wider the sign of velocity may turn than the model says, and how wide at most [rad/s]."""
+
+ENOUGH, CERTAIN = 2.0, 8.0
+"""Names of a joint must explain this many times what could still be explained after them; else none is given.
+
+Between the two they are given if their coefficients are the same all over the logs.
+"""
+
+CONSTANT = 0.03
+"""Share of what names explain that varying their coefficients may add."""
 
 WORTH_SAYING = 0.06
 """Share of a joint's squared residual that must be explainable for it to be called unexplained."""
@@ -216,7 +226,11 @@ class _Workflow:
         left = self.explainable(gap, after.residual, after.keep)
         squares = float(after.residual @ after.residual)
         explained = float(before.residual @ before.residual) - squares
-        return named if explained >= ENOUGH * left.share * squares else []
+        rest = left.share * squares
+        if explained >= CERTAIN * rest:
+            return named
+        constant = explained >= ENOUGH * rest and inconstancy(self.panel, self.survey, gap, named) <= CONSTANT
+        return named if constant else []
 
     def explainable(self, gap: JointGap, residual: FloatArray, rows: IntArray) -> Explainable:
         return explainable(self.panel, self.survey, gap.joint, residual, rows)
@@ -328,9 +342,11 @@ class _Workflow:
 
 
 def _edge(panel: Panel, own: Sequence[Term], joint: int) -> FloatArray:
-    """How the sign of velocity turns in detail (N, 1): a nuisance, so that no effect is named for it."""
+    """How the sign of velocity turns in detail (N, 3): a nuisance, so that no effect is named for it."""
     for term in own:
         if isinstance(term.effect, Coulomb):
             v, width = panel.velocity[:, joint], term.effect.smoothing
-            return np.asarray((v / np.sqrt(v**2 + width**2) - np.tanh(v / width))[:, None])
+            sign = np.tanh(v / width)
+            bends = [v / np.sqrt(v**2 + width**2), np.tanh(EDGE * v / width), np.tanh(v / min(EDGE * width, WIDEST))]
+            return np.stack([bend - sign for bend in bends], axis=1)
     return np.zeros((len(panel), 0))

@@ -1,0 +1,39 @@
+"""Step 7, abstain: whether a name's own coefficients are the same all over the logs, as those of a true cause are."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ident.arrays import FloatArray
+from ident.effects.base import Survey
+from ident.gap.abstain import signals
+from ident.gap.attribute import JointGap, Named, starts_of
+from ident.gap.candidates import admissible
+from ident.gap.gate import Gate
+from ident.gap.panel import Panel
+
+THIRDS = (1 / 3, 2 / 3)
+
+
+def inconstancy(panel: Panel, survey: Survey, gap: JointGap, named: list[Named]) -> float:
+    """How much more would be explained if a name's coefficients could differ between parts of the logs.
+
+    The rows are cut in thirds by the value of one signal at a time, and the coefficients of one name at a time may
+    differ between them (a varying-coefficient test, Hastie and Tibshirani 1993). Returned is the largest fall of the
+    squared residual, less what surrogates fall by, over what the names explain.
+    """
+    full, plain = gap.problem(panel, [n.trial for n in named]), gap.problem(panel)
+    explained = float(plain.residual @ plain.residual) - float(full.residual @ full.residual)
+    gate = Gate(full, starts_of(panel, full))
+    _, values = signals(panel, survey, gap.joint)
+    parts = [np.digitize(v, np.quantile(v, THIRDS)) for v in values[full.keep].T]
+    worst = 0.0
+    for one in named:
+        others = gap.problem(panel, [n.trial for n in named if n is not one])
+        columns = admissible(panel, others, one.effect, one.trial.shape, gap.joint)
+        for part in parts:
+            varying = np.hstack([columns * (part == k)[:, None] for k in (0, 2)])
+            drop, statistic = gate.look(np.asarray(varying, dtype=np.float64))
+            chance = drop / statistic if statistic > 0 else 0.0
+            worst = max(worst, drop - chance)
+    return worst / max(explained, 1e-300)
