@@ -65,13 +65,15 @@ def makers(n: int) -> dict[str, Callable[[CurrentModel], ModelBasedObserver]]:
     }
 
 
-def best(call: Callable[[], object], rounds: int = 5) -> float:
-    times = []
-    for _ in range(rounds):
-        start = time.perf_counter()
-        call()
-        times.append(time.perf_counter() - start)
-    return min(times)
+def best(*calls: Callable[[], object], rounds: int = 5) -> list[float]:
+    """Shortest time of each [s], all called once a round, so that whatever slows the machine slows them alike."""
+    times = np.empty((rounds, len(calls)))
+    for times_of_round in times:
+        for k, call in enumerate(calls):
+            start = time.perf_counter()
+            call()
+            times_of_round[k] = time.perf_counter() - start
+    return [float(x) for x in times.min(axis=0)]
 
 
 def swing(rows: int, n: int) -> JointLog:
@@ -109,30 +111,30 @@ def steps(robot: Robot) -> None:
         for q, dq in zip(log.q, log.dq, strict=True):  # type: ignore[arg-type]
             _ = mechanism.mass_matrix(q) @ dq, mechanism.coriolis_matrix(q, dq).T @ dq, mechanism.gravity_torque(q)
 
-    known, plain = best(bare), best(adapter)
-    print(f"bare calls crba, computeCoriolisMatrix, computeGeneralizedGravity: {1e6 * known / rows:.1f} us; ")
-    print(f"M dq, C^T dq, g through ident.multibody: {plain / known:.1f} x that\n")
-    print("| step of gmo | over the bare calls | over M dq, C^T dq, g |\n|---|---|---|")
     cases = {
         "links, measured velocity": MomentumObserver(model_of(robot, False), filtered=False),
         "links, filtered": MomentumObserver(model_of(robot, False)),
+        "links and 18 friction terms, measured velocity": MomentumObserver(model_of(robot, True), filtered=False),
         "links and 18 friction terms, filtered": MomentumObserver(model_of(robot, True)),
     }
-    for name, observer in cases.items():
-        taken = best(stepping(observer, log), 3)
-        print(f"| {name} | {taken / known:.1f} | {taken / plain:.2f} |")
+    known, plain, *taken = best(bare, adapter, *(stepping(observer, log) for observer in cases.values()), rounds=25)
+    print(f"bare calls crba, computeCoriolisMatrix, computeGeneralizedGravity: {1e6 * known / rows:.1f} us; ")
+    print(f"M dq, C^T dq, g through ident.multibody: {plain / known:.1f} x that\n")
+    print("| step of gmo | over the bare calls | over M dq, C^T dq, g |\n|---|---|---|")
+    for name, own in zip(cases, taken, strict=True):
+        print(f"| {name} | {own / known:.2f} | {own / plain:.2f} |")
 
 
 def whole_log(robot: Robot) -> None:
     model, log = model_of(robot, True), swing(FRAMES, robot.n)
     naive = KalmanObserver(model, MomentumNoise(np.full(robot.n, 0.3), np.full(robot.n, 0.01)), gain="full")
-    loop = best(stepping(naive, log[:NAIVE_FRAMES]), 2) * FRAMES / NAIVE_FRAMES
+    loop = best(stepping(naive, log[:NAIVE_FRAMES]), rounds=2)[0] * FRAMES / NAIVE_FRAMES
     print(f"\n{FRAMES} frames, links and 18 friction terms; the step loop through filterpy: {loop:.1f} s\n")
     print("| run of | times faster |\n|---|---|")
     for name, make in makers(robot.n).items():
         observer = make(model)
         observer.run(log[:1000])
-        print(f"| {name} | {loop / best(lambda o=observer: o.run(log), 2):.0f} |")
+        print(f"| {name} | {loop / best(lambda o=observer: o.run(log), rounds=2)[0]:.0f} |")
 
 
 def long_run() -> None:

@@ -14,7 +14,7 @@ from ident.errors import InputError
 from ident.log import JointLog, Sample
 from ident.model import NEWTON_METRE, CurrentModel
 from ident.signals import Motion
-from observers.drive import drive_row
+from observers.drive import OneSampleDrive
 from observers.residual import UNUSABLE, Flag, Residual, hold
 from observers.stamps import Stamps, usable
 
@@ -73,11 +73,8 @@ class ModelBasedObserver(ABC):
         self._link_parameters, self._rotor_inertia = model.link_parameters, model.rotor_inertia
         # the model's other effects are asked only where there are any
         self._slips = any(not isinstance(term.effect, (Links, RotorInertia)) for term in model.terms)
-        # the compiled loop itself and what does not change: its checks cost more than its work
-        body = model.robot.rigid_body
-        self._fixed = (body.chain, body.multibody.gravity, self._link_parameters, self._rotor_inertia, model.gain)
-        self._room = (np.empty((1, 3, model.n)), np.empty((1, model.n)), np.empty((1, model.n)))
-        self._step, self._still = np.empty(1), np.zeros(model.n)
+        self._online = OneSampleDrive(model, self._stamps, self._filter)
+        self._one = Signals(self._online.step, self._online.momentum, self._online.drive, self._online.q)
         self._shape, self._drive_gain = (model.n,), model.gain
         self._flag = 0
         self.reset()
@@ -112,13 +109,18 @@ class ModelBasedObserver(ABC):
         Raises:
             InputError: the sample has another number of joints, or no ``dq`` where the observer does not filter.
         """
+        dq = sample.dq
         if sample.q.shape != self._shape or sample.current.shape != self._shape:
             what = f"positions of shape {sample.q.shape} and currents of shape {sample.current.shape}"
             raise InputError(what, "sample", f"give {self.n} values, one a joint")
-        flags, step = self._stamps.take(sample.t, sample.q, sample.current, sample.dq)
-        self._flag = flags
-        if not flags & UNUSABLE:
-            self._last = self._advance(self._signal(sample, step))[0]
+        if dq is None:
+            if self._filter is None:
+                raise _no_velocity()
+        elif dq.shape != self._shape:
+            raise InputError(f"velocities of shape {dq.shape}", "sample", f"give {self.n} values, one a joint")
+        self._flag = self._online.take(sample, self._memories)
+        if not self._flag & UNUSABLE:
+            self._last = self._advance(self._one)[0]
         current: FloatArray = self._last / self._drive_gain
         return current
 
@@ -160,26 +162,6 @@ class ModelBasedObserver(ABC):
             force = np.tile(self._last, (len(flags), 1))
         self._last = force[-1].copy()
         return force, flags
-
-    def _signal(self, sample: Sample, step: float) -> Signals:
-        """Signals of one usable sample: what ``_signals`` gives for a row, without the overhead of arrays of rows."""
-        q, dq, current = sample.q, sample.dq, sample.current
-        ddq = None
-        if self._filter is not None:
-            both = np.concatenate([q, current])
-            x, v, a = self._filter.step(sample.t, both, None if dq is None else np.concatenate([dq, self._still]))
-            n = len(q)
-            q, current, dq, ddq = x[:n], x[n:], v[:n], a[:n]
-        elif dq is None:
-            raise _no_velocity()
-        row = q[None]
-        self._step[0] = step
-        drive_row(*self._fixed, row, dq[None], current, *self._room)
-        _, momentum, drive = self._room
-        if self._slips:
-            motion = Motion(np.array([sample.t]), q[None], dq[None], self._still[None] if ddq is None else ddq[None])
-            drive -= self.model.friction(motion, self._memories)
-        return Signals(self._step, momentum, drive, row)
 
     def _signals(
         self, t: FloatArray, q: FloatArray, current: FloatArray, dq: FloatArray | None, step: FloatArray

@@ -45,9 +45,10 @@ class Stamps:
         _scan(t, finite, self._limits, self._clock, flags, step)
         return flags, step
 
-    def take(self, t: float, q: FloatArray, current: FloatArray, dq: FloatArray | None) -> tuple[int, float]:
-        """Flag one sample, the same as ``scan`` on a row, without its overhead."""
-        return _take(t, q, current, q if dq is None else dq, self._limits, self._clock)
+    @property
+    def parts(self) -> tuple[FloatArray, FloatArray]:
+        """What ``judge`` works on: limits, and the clock that it changes in place."""
+        return self._limits, self._clock
 
 
 def usable(flags: IntArray) -> BoolArray:
@@ -57,8 +58,11 @@ def usable(flags: IntArray) -> BoolArray:
 
 
 @compiled
-def _judge(t: float, finite: bool, limits: FloatArray, clock: FloatArray) -> tuple[int, float]:
-    """``clock`` is [started, time of the last usable row, time of the start, whether an observer has started]."""
+def judge(t: float, finite: bool, limits: FloatArray, clock: FloatArray) -> tuple[int, float]:
+    """Flag one sample and measure its time step, as ``Stamps.scan`` does.
+
+    ``clock`` is [started, time of the last usable row, time of the start, whether an observer has started].
+    """
     late, forget, settle = limits[0], limits[1], limits[2]
     if not finite:
         return _MISSING, -1.0
@@ -86,14 +90,4 @@ def _scan(
     t: FloatArray, finite: BoolArray, limits: FloatArray, clock: FloatArray, flags: IntArray, step: FloatArray
 ) -> None:
     for k in range(len(t)):
-        flags[k], step[k] = _judge(t[k], finite[k], limits, clock)
-
-
-@compiled
-def _take(
-    t: float, q: FloatArray, current: FloatArray, dq: FloatArray, limits: FloatArray, clock: FloatArray
-) -> tuple[int, float]:
-    finite = np.isfinite(t)
-    for j in range(len(q)):
-        finite &= np.isfinite(q[j]) and np.isfinite(current[j]) and np.isfinite(dq[j])
-    return _judge(t, finite, limits, clock)
+        flags[k], step[k] = judge(t[k], finite[k], limits, clock)
