@@ -1,4 +1,4 @@
-"""Contact and collision from residuals: when, how hard, and on which link."""
+"""Contact and collision from residuals: when, how hard, and which links can have been pushed."""
 
 from __future__ import annotations
 
@@ -36,12 +36,21 @@ class Level(IntEnum):
 
 @dataclass(frozen=True)
 class Episode:
-    """One contact: ``start`` and ``end`` [s], its highest ``level`` and the ``link`` pushed, counted from 1."""
+    """One contact of a serial arm; links count from 1.
+
+    Attributes:
+        start, end: [s].
+        level: the highest in it.
+        link: the nearest to the base that can have been pushed: that of the last joint that felt the push.
+        links: every link that the residual is consistent with: that one and all behind it. A force on any of them
+            does the same where its line passes through, or runs along, the axes of the joints behind ``link``.
+    """
 
     start: float
     end: float
     level: Level
     link: int
+    links: tuple[int, ...]
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,7 +60,7 @@ class Contacts:
     Attributes:
         t: time [s], (N,).
         level: `Level` at each row, (N,).
-        link: link pushed at each row, counted from 1, 0 for none, (N,).
+        link: nearest link that can have been pushed at each row, counted from 1, 0 for none, (N,); see ``Episode``.
         ratio: each joint's residual over its contact threshold, (N, n).
     """
 
@@ -67,21 +76,22 @@ class Contacts:
             return []
         found = []
         for group in np.split(rows, np.flatnonzero(np.diff(self.t[rows]) > apart) + 1):
-            links = np.bincount(self.link[group])
-            level = Level(int(self.level[group].max()))
-            found.append(Episode(float(self.t[group[0]]), float(self.t[group[-1]]), level, int(np.argmax(links))))
+            start, end, level = float(self.t[group[0]]), float(self.t[group[-1]]), Level(int(self.level[group].max()))
+            link = int(np.argmax(np.bincount(self.link[group])))
+            found.append(Episode(start, end, level, link, tuple(range(link, self.ratio.shape[1] + 1))))
         return found
 
 
 @dataclass(eq=False)
 class ContactDetector:
-    """Tells contact and collision by thresholds, and the link by who feels it.
+    """Tells contact and collision by thresholds, and by who feels it the links that can have been pushed.
 
-    A push on a link is felt by its own joint and those before it, never by those behind it: the link pushed is that of
-    the last joint that felt it (Haddadin et al. 2017). A joint felt it whose residual has changed since the contact by
-    `ISOLATING` of its threshold, which what the model lacks, and changes slowly, does not do. A push that has no lever
-    about that joint is taken for one nearer to the base, and no estimator can tell. A joint once in contact stays so
-    until it falls below `RELEASE` of its threshold.
+    A push on a link of a serial arm is felt by its own joint and those before it, never by those behind it (Haddadin
+    et al. 2017). So the link pushed is that of the last joint that felt the push, or one behind it: a push without a
+    lever about the joints in between, as one on the axis of the last joint has none, does the same to every joint as
+    one nearer to the base. Joint residuals alone say no more than this, however good the estimator. A joint felt the
+    push whose residual has changed since the contact by `ISOLATING` of its threshold, which what the model lacks, and
+    changes slowly, does not do. A joint once in contact stays so until it falls below `RELEASE` of its threshold.
 
     Attributes:
         contact: threshold of contact.
@@ -105,7 +115,7 @@ class ContactDetector:
     def step(
         self, residual: FloatArray, dq: FloatArray | None = None, ddq: FloatArray | None = None
     ) -> tuple[Level, int]:
-        """Take a residual (n,), with the motion where the thresholds need it, and return the level and the link."""
+        """Take a residual (n,), with the motion where the thresholds need it, and return level and nearest link."""
         rest = np.zeros(len(residual))
         speed, hurry = (rest if x is None else x for x in (dq, ddq))
         level, link, _ = self._scan(residual[None], speed[None], hurry[None])

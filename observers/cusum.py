@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -15,6 +16,18 @@ from observers.thresholds import EPISODE, FEWEST, tail_level
 
 USUAL = 0.9
 """Share of the contact-free residuals that the sum lets pass without growing."""
+
+
+@dataclass(frozen=True)
+class Alarm:
+    """One alarm: ``start`` and ``end`` [s], and the ``joints`` whose sums passed their limits, counted from 1.
+
+    It starts some time after the contact does, the later the weaker it is, and ends some time after it.
+    """
+
+    start: float
+    end: float
+    joints: tuple[int, ...]
 
 
 class Cusum:
@@ -69,6 +82,23 @@ class Cusum:
             self.reset()
             _scan(steps[begin:end], residual.current[begin:end], self.allowance, self.limit, self._sums, out[begin:end])
         return out
+
+
+def alarms(t: FloatArray, sums: FloatArray, apart: float = 0.1) -> list[Alarm]:
+    """Return the alarms in what ``Cusum.run`` gave, in order.
+
+    Args:
+        t: time [s], (N,).
+        sums: each joint's sum over its limit, (N, n).
+        apart: alarms less than this [s] from each other are one.
+    """
+    over = sums > 1.0
+    rows = np.flatnonzero(over.any(axis=1))
+    if len(rows) == 0:
+        return []
+    groups = np.split(rows, np.flatnonzero(np.diff(t[rows]) > apart) + 1)
+    joints = [tuple((np.flatnonzero(over[group].any(axis=0)) + 1).tolist()) for group in groups]
+    return [Alarm(float(t[g[0]]), float(t[g[-1]]), felt) for g, felt in zip(groups, joints, strict=True)]
 
 
 def _runs(starts: BoolArray) -> list[tuple[int, int]]:

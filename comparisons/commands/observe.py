@@ -12,6 +12,7 @@ if TYPE_CHECKING:
     from ident.log import JointLog
     from ident.robot import Robot
     from observers.contact import Contacts
+    from observers.cusum import Cusum
     from observers.residual import Residual, ResidualEstimator
     from observers.thresholds import Threshold
 
@@ -31,6 +32,7 @@ def observe(
     contact_free: Annotated[list[Path] | None, Parameter(consume_multiple=True, negative="")] = None,
     false_alarms: float = 1.0,
     moving: Annotated[bool, Parameter(negative="")] = False,
+    cusum: Annotated[bool, Parameter(negative="")] = False,
 ) -> None:
     """Estimate what the outside world adds to the joints along a log, and find contacts.
 
@@ -44,33 +46,46 @@ def observe(
         contact_free: logs without contact, from which thresholds are taken; without them no contacts are told.
         false_alarms: wanted in an hour without contact.
         moving: let thresholds grow with the joints' speed and acceleration.
+        cusum: tell weak pushes that last as well, by cumulative sums with as many false alarms of their own.
     """
     from comparisons.output import OutputDirectory
     from comparisons.progress import show_progress
     from comparisons.report.observation import observation_report
     from comparisons.report.provenance import provenance
+    from ident.errors import InputError
     from ident.readers import open_logs
     from ident.robot import load_robot
+    from observers.cusum import Cusum, alarms
 
+    if cusum and contact_free is None:
+        raise InputError("no logs without contact to fit cumulative sums to", "--cusum", "give --contact-free too")
     loaded = load_robot(robot)
     observed = [source.read() for source in open_logs(log, loaded)]
     free = [source.read() for source in open_logs(contact_free, loaded)] if contact_free is not None else []
     estimator, cutoff = _estimator(method, model, loaded, [*free, *observed], bandwidth)
     with OutputDirectory(out, "observe") as output, show_progress() as progress:
-        threshold = _threshold(estimator, free, false_alarms, cutoff if moving else None)
-        residuals, contacts = [], []
+        quiet = [estimator.run(one) for one in free]
+        threshold = _threshold(quiet, free, false_alarms, cutoff if moving else None)
+        cumulative = Cusum.fit(quiet, false_alarms) if cusum else None
+        residuals, sums, figures = [], [], []
         for number, one in enumerate(observed):
             residuals.append(estimator.run(one))
-            contacts.append(_contacts(threshold, residuals[-1], one, cutoff))
+            contacts = _contacts(threshold, residuals[-1], one, cutoff)
+            figures.append(_figures(one, residuals[-1], contacts))
+            if cumulative is not None:
+                sums.append(cumulative.run(residuals[-1]))
+                figures[-1]["cusum_alarms"] = [vars(alarm) for alarm in alarms(one.t, sums[-1])]
             progress("observing", (number + 1) / len(observed))
         _save(output.path, observed, residuals)
         note = provenance([model, *log, *(contact_free or [])])
-        figures = [_figures(*of) for of in zip(observed, residuals, contacts, strict=True)]
-        output.result(_result(loaded, method, bandwidth, threshold, figures) | {"provenance": note.to_dict()})
-        report = observation_report(loaded, method, threshold, observed, residuals, figures)
+        result = _result(loaded, method, bandwidth, threshold, cumulative, figures)
+        output.result(result | {"provenance": note.to_dict()})
+        report = observation_report(loaded, method, threshold, observed, residuals, figures, sums if cusum else None)
         report.provenance(note).write(output.path / "report.html")
     if threshold is not None:
         print(f"{sum(len(f['contacts']) for f in figures)} contacts")
+    if cusum:
+        print(f"{sum(len(f['cusum_alarms']) for f in figures)} alarms of the cumulative sums")
     print(out / "report.html")
 
 
@@ -95,16 +110,14 @@ def _estimator(
     return DirectEstimator(network, logs[0].rate, gain=robot.gain), network.trained.cutoff
 
 
-def _threshold(
-    estimator: ResidualEstimator, free: list[JointLog], per_hour: float, moving: float | None
-) -> Threshold | None:
+def _threshold(quiet: list[Residual], free: list[JointLog], per_hour: float, moving: float | None) -> Threshold | None:
     from ident.signals import derive
     from observers.thresholds import fit_threshold
 
     if not free:
         return None
     motions = None if moving is None else [derive(log, moving, causal=True) for log in free]
-    return fit_threshold([estimator.run(log) for log in free], per_hour, motions)
+    return fit_threshold(quiet, per_hour, motions)
 
 
 def _contacts(threshold: Threshold | None, residual: Residual, log: JointLog, cutoff: float) -> Contacts | None:
@@ -150,13 +163,19 @@ def _figures(log: JointLog, residual: Residual, contacts: Contacts | None) -> di
         figures["torque_rmse"] = np.sqrt(np.mean((residual.torque - log.tau_ext)[good] ** 2, axis=0))
     if contacts is not None:
         figures["contacts"] = [
-            {"start": e.start, "end": e.end, "level": e.level.name.lower(), "link": e.link} for e in contacts.episodes()
+            {"start": e.start, "end": e.end, "level": e.level.name.lower(), "link": e.link, "links": e.links}
+            for e in contacts.episodes()
         ]
     return figures
 
 
 def _result(
-    robot: Robot, method: str, bandwidth: float, threshold: Threshold | None, figures: list[dict[str, Any]]
+    robot: Robot,
+    method: str,
+    bandwidth: float,
+    threshold: Threshold | None,
+    cumulative: Cusum | None,
+    figures: list[dict[str, Any]],
 ) -> dict[str, Any]:
     result: dict[str, Any] = {
         "joints": list(robot.joints),
@@ -171,4 +190,6 @@ def _result(
             "by_speed": threshold.by_speed,
             "by_acceleration": threshold.by_acceleration,
         }
+    if cumulative is not None:
+        result["cusum"] = {"allowance": cumulative.allowance, "limit": cumulative.limit}
     return result

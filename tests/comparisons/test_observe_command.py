@@ -16,6 +16,7 @@ from ident.fit import Drives, fit
 from ident.log_writer import write_log
 from ident.model_file import save_model
 from ident.robot import load_robot
+from observers.cusum import Cusum
 from observers.residual import Residual
 
 
@@ -58,6 +59,8 @@ def test_observe_writes_residual_result_and_report(method, made, tmp_path, capsy
     assert residual.torque is None
     assert figures["flagged"]["missing"] == 0
     assert len(figures["contacts"]) >= 1
+    assert all(c["links"] == list(range(c["link"], 7)) for c in figures["contacts"])
+    assert "cusum" not in result
     assert np.all(np.array(result["threshold"]["constant"]) < 60.0)
     page = (out / "report.html").read_text()
     assert "Contacts" in page
@@ -76,6 +79,24 @@ def test_several_logs_moving_thresholds_and_none(made, tmp_path):
     assert "contacts" not in json.loads((tmp_path / "b" / "result.json").read_text())["logs"][0]
 
 
+def test_cumulative_sums_tell_alarms(made, tmp_path, capsys):
+    given = ["--model", made / "model", "--contact-free", made / "free.parquet", "--log", made / "push.parquet"]
+    assert run("observe", "vs060", *given, "--out", tmp_path / "out", "--cusum") == 0
+    result = json.loads((tmp_path / "out" / "result.json").read_text())
+    residual = Residual.load(tmp_path / "out" / "residual.parquet")
+    sums = Cusum(*(np.array(result["cusum"][key]) for key in ("allowance", "limit"))).run(residual)
+    found = result["logs"][0]["cusum_alarms"]
+    assert len(found) >= 1
+    for alarm in found:
+        rows = (residual.t >= alarm["start"]) & (residual.t <= alarm["end"])
+        assert sums[rows].max() > 1.0
+        assert alarm["joints"] == (np.flatnonzero((sums[rows] > 1.0).any(axis=0)) + 1).tolist()
+    assert f"{len(found)} alarms of the cumulative sums" in capsys.readouterr().out
+    page = (tmp_path / "out" / "report.html").read_text()
+    assert page.count("alarm of the cumulative sum<") == 1  # the legend of the plot
+    assert "Alarms of the cumulative sums" in page
+
+
 def test_mistakes_are_named(made, tmp_path, capsys):
     log = ["--log", made / "free.parquet", "--out", tmp_path / "out"]
     assert run("observe", "vs060", "--model", tmp_path / "none", *log) == 2
@@ -83,4 +104,6 @@ def test_mistakes_are_named(made, tmp_path, capsys):
     assert run("observe", "vs060", "--model", made / "model", *log, "--bandwidth", "-1") == 2
     assert "bandwidth" in capsys.readouterr().err
     assert run("observe", "vs060", "--model", made / "model", *log, "--method", "magic") == 2
+    assert run("observe", "vs060", "--model", made / "model", *log, "--cusum") == 2
+    assert "--contact-free" in capsys.readouterr().err
     assert not (tmp_path / "out").exists()

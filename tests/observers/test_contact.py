@@ -9,7 +9,7 @@ from ident.errors import InputError
 from ident.robot import Robot
 from ident.signals import Motion
 from observers.contact import ContactDetector, Level
-from observers.cusum import Cusum
+from observers.cusum import Cusum, alarms
 from observers.residual import Residual
 from observers.sensitivity import smallest_detectable
 from observers.thresholds import Threshold, fit_threshold
@@ -71,6 +71,8 @@ def test_contact_collision_and_link() -> None:
     detector = ContactDetector(Threshold.fixed(np.ones(N)))
     episodes = detector.run(residual).episodes()
     assert [(e.level, e.link) for e in episodes] == [(Level.CONTACT, 2), (Level.COLLISION, 3), (Level.CONTACT, 1)]
+    # a push on a link behind, without a lever about the joints in between, does the same
+    assert [e.links for e in episodes] == [(2, 3), (3,), (1, 2, 3)]
     assert abs(episodes[0].start - 5.0) < 0.02
     assert abs(episodes[0].end - 7.0) < 0.05
 
@@ -104,6 +106,33 @@ def test_cusum_steps_as_it_runs() -> None:
     steps = np.diff(residual.t, prepend=0.0)
     stepped = [cusum.step(row, float(dt)) for row, dt in zip(residual.current, steps, strict=True)]
     np.testing.assert_allclose(stepped, whole, atol=1e-12)
+
+
+def test_alarms_say_when_and_which_joints() -> None:
+    residual = pushed(coloured(0.01, 11, 0.1), np.array([2.0, 0.0, -2.0]), slice(1000, 1200))
+    residual = pushed(residual, np.array([0.0, 2.0, 0.0]), slice(2500, 2600))
+    sums = Cusum(np.full(N, 0.5), np.full(N, 0.5)).run(residual)
+    first, second = alarms(residual.t, sums)
+    assert (first.joints, second.joints) == ((1, 3), (2,))
+    # 1.5 over the allowance takes a third of a second to the limit, and twice the limit 1 s to fall back to it
+    assert abs(first.start - 10.33) < 0.1
+    assert abs(first.end - 13.0) < 0.3
+    assert abs(second.start - 25.33) < 0.1
+    assert alarms(residual.t, np.minimum(sums, 1.0)) == []
+
+
+def test_a_force_along_the_last_axis_looks_like_one_nearer_to_the_base(vs060: Robot) -> None:
+    q = np.array([0.2, 0.4, 1.0, 0.3, 0.5, 0.1])
+    rotation, jacobian = vs060.multibody.frame_pose(q)[0], vs060.multibody.frame_jacobian(q)[:3]
+    torque = jacobian.T @ (20.0 * rotation[:, 2])
+    quiet = Residual(
+        np.arange(300) / RATE, np.zeros((300, 6)), None, np.zeros(300, dtype=int), np.zeros(300, dtype=int), "N m"
+    )
+    (episode,) = (
+        ContactDetector(Threshold.fixed(np.full(6, 0.5))).run(pushed(quiet, torque, slice(100, 200))).episodes()
+    )
+    assert episode.link < 6
+    assert 6 in episode.links
 
 
 def test_too_little_is_refused() -> None:

@@ -1,4 +1,4 @@
-"""A million steps leave every observer where a thousand do: nothing drifts."""
+"""A million steps leave every estimator where a thousand do: nothing drifts."""
 
 from collections.abc import Callable
 from pathlib import Path
@@ -7,21 +7,26 @@ import numpy as np
 import pytest
 
 from ident.effects.base import Term
+from ident.effects.hysteresis import MaxwellSlip
 from ident.effects.rigid_body import Links
 from ident.log import JointLog
 from ident.model import CurrentModel
 from ident.robot import Robot, load_robot
+from ident.signals import Motion
+from observers.direct import DirectEstimator
 from observers.disturbance import DisturbanceObserver
 from observers.filtered_dynamics import FilteredDynamicsObserver
 from observers.kalman import KalmanObserver
-from observers.model_based import ModelBasedObserver
 from observers.momentum import MomentumObserver
 from observers.noise import MomentumNoise
+from observers.residual import ResidualEstimator
 from observers.sliding_mode import SlidingModeObserver
 
 STEPS = 1_000_000
 PERIOD = 1000  # rows after which the motion repeats
-OBSERVERS: dict[str, Callable[[CurrentModel], ModelBasedObserver]] = {
+PUSH = 0.5  # [N m]
+ESTIMATORS: dict[str, Callable[[CurrentModel], ResidualEstimator]] = {
+    "direct": lambda m: DirectEstimator(m, m.rate, m.cutoff, m.gain),
     "momentum": MomentumObserver,
     "kalman": lambda m: KalmanObserver(m, MomentumNoise(np.full(1, 0.1), np.full(1, 0.01))),
     "disturbance": DisturbanceObserver,
@@ -44,25 +49,39 @@ def pendulum(tmp_path_factory: pytest.TempPathFactory) -> Robot:
 
 
 @pytest.fixture(scope="module")
-def log(pendulum: Robot) -> JointLog:
-    """A swinging arm under a constant push and a noise that repeats with the motion."""
-    phase = 2.0 * np.pi * np.arange(PERIOD) / PERIOD
-    rate = 2.0 * np.pi / (PERIOD * 0.01)
-    q, dq, ddq = (x[:, None] for x in (np.sin(phase), rate * np.cos(phase), -(rate**2) * np.sin(phase)))
-    torque = pendulum.rigid_body.inverse_dynamics(q, dq, ddq, pendulum.multibody.parameters) - 0.5
-    torque += 0.1 * np.random.default_rng(0).standard_normal(torque.shape)
-    times = STEPS // PERIOD
-    return JointLog(t=np.arange(STEPS) / 100.0, q=np.tile(q, (times, 1)), current=np.tile(torque, (times, 1)))
-
-
-@pytest.mark.parametrize("name", OBSERVERS)
-def test_nothing_drifts(name: str, pendulum: Robot, log: JointLog) -> None:
+def model(pendulum: Robot) -> CurrentModel:
+    """Links, and friction that remembers."""
     base = pendulum.rigid_body.base_parameters()
     links = Term(Links(None), coefficients=base.projection @ pendulum.multibody.parameters)
-    model = CurrentModel(pendulum, (links,), 10.0, 100.0, np.ones(1), "N m")
-    residual = OBSERVERS[name](model).run(log).current[:, 0]
+    slip = Term(MaxwellSlip(0), np.array([0.05]), np.array([0.3, 0.4, 0.3]))
+    return CurrentModel(pendulum, (links, slip), 10.0, 100.0, np.ones(1), "N m")
+
+
+@pytest.fixture(scope="module")
+def log(model: CurrentModel) -> JointLog:
+    """A swinging arm under a constant push and a noise that repeats with the motion."""
+    t = np.arange(2 * PERIOD) / 100.0
+    rate = 2.0 * np.pi / (PERIOD * 0.01)
+    q, dq, ddq = (x[:, None] for x in (np.sin(rate * t), rate * np.cos(rate * t), -(rate**2) * np.sin(rate * t)))
+    # friction in the second period is that in every later one
+    torque = model.force(Motion(t, q, dq, ddq), model.start())[PERIOD:] - PUSH
+    torque += 0.1 * np.random.default_rng(0).standard_normal(torque.shape)
+    times = STEPS // PERIOD
+    return JointLog(t=np.arange(STEPS) / 100.0, q=np.tile(q[:PERIOD], (times, 1)), current=np.tile(torque, (times, 1)))
+
+
+@pytest.mark.parametrize("name", ESTIMATORS)
+def test_nothing_drifts(name: str, model: CurrentModel, log: JointLog) -> None:
+    residual = ESTIMATORS[name](model).run(log).current[:, 0]
     early, late = residual[5 * PERIOD : 6 * PERIOD], residual[-PERIOD:]
     assert np.std(early) > 1e-4
-    assert 0.4 < early.mean() < 0.6
+    assert 0.9 * PUSH < early.mean() < 1.1 * PUSH
     # what is left is the rounding of time stamps of hours
     np.testing.assert_allclose(late, early, rtol=0, atol=1e-7)
+
+
+def test_the_friction_is_remembered(model: CurrentModel, log: JointLog) -> None:
+    held = log[: 2 * PERIOD]
+    forgetful = CurrentModel(model.robot, model.terms[:1], model.cutoff, model.rate, model.gain, model.force_unit)
+    with_, without = (ESTIMATORS["direct"](m).run(held).current[PERIOD:, 0] for m in (model, forgetful))
+    assert np.abs(without - with_).max() > 0.9
