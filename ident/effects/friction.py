@@ -150,7 +150,7 @@ class Sigmoid(VelocityEffect):
         """Return the speed over which the sigmoid rises (1/phi2) and its shift (phi3)."""
         return (
             Shape("speed", "{angle}/s", self.slowest, 0.15, (0.03, max(0.006, 1.2 * self.slowest), 0.1)),
-            Shape("shift", "{angle}/s", -0.1, 0.1, (0.0,), log=False),
+            Shape("shift", "{angle}/s", -0.05, 0.05, (0.0,), log=False),
         )
 
     def coefficients(self, robot: Robot) -> tuple[Coefficient, ...]:

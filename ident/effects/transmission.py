@@ -58,7 +58,7 @@ class CrossJointFriction(VelocityEffect):
 
     def coefficients(self, robot: Robot) -> tuple[Coefficient, ...]:
         """Return dry friction and damping against the mixed speed."""
-        return (Coefficient("force", "{current}"), Coefficient("damping", "{current} s/{angle}"))
+        return (Coefficient("force", "{current}", lower=0.0), Coefficient("damping", "{current} s/{angle}"))
 
     def columns(self, context: Context, shape: FloatArray, memory: FloatArray) -> FloatArray:
         """Return the smoothed sign of dq_joint + ratio dq_source, and the part of it that is dq_source."""
@@ -101,7 +101,7 @@ class GearRipple(Effect):
     def shapes(self) -> tuple[Shape, ...]:
         """Return the repeats a turn of the joint."""
         starts = tuple(np.arange(np.floor(self.fewest) + 1.0, self.most).tolist())
-        return (Shape("per_turn", "1", self.fewest, self.most, starts, log=False, ends=False),)
+        return (Shape("per_turn", "1", self.fewest, self.most, starts, log=False),)
 
     def coefficients(self, robot: Robot) -> tuple[Coefficient, ...]:
         """Return the amplitudes in and out of phase with the joint's zero."""

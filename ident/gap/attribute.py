@@ -12,12 +12,16 @@ from ident.effects.base import Effect, Survey
 from ident.gap.candidates import Trial, admissible, best_trials, forms, refine, with_errors
 from ident.gap.gate import Gate
 from ident.gap.panel import Errors, JointProblem, Panel
+from ident.uncertainty import correlation_time
 
-GAIN = 0.025
+GAIN = 0.05
 """An effect must lower the held-out RMS residual of its joint by this share, and on every fold."""
 
 LEVEL = 0.01
 """Chance of a false name on a whole robot that the gate allows."""
+
+PRICE = 1.5
+"""How far beyond Schwarz's criterion a gain must be: correlation times of short logs are themselves uncertain."""
 
 PARSIMONY = 0.004
 """Share of the held-out RMS residual by which a parameter more must be better."""
@@ -108,10 +112,25 @@ class Search:
             if gain <= GAIN or trial.at_bound or explained <= _law_error(trial.effect, named):
                 continue
             columns = admissible(panel, self.problem, trial.effect, trial.shape, self.joint)
+            if not self._worth(columns, trial, gain):
+                continue
             p_value = min(1.0, looks * self.gate.p_value(self.gate.statistic(columns)))
             if np.all(trial.errors.held_out < self.before.held_out) and p_value <= LEVEL:
                 return Named(trial, p_value, explained, self.trials)
         return None
+
+    def _worth(self, columns: FloatArray, trial: Trial, gain: float) -> bool:
+        """Whether a gain pays for the effect's parameters and for having been searched, in independent samples.
+
+        Schwarz's criterion with the number of samples divided by the residual's correlation time, and the logarithm
+        of the number of candidates (Chen and Chen 2008).
+        """
+        left = self.problem.target - np.column_stack([self.problem.matrix * self.problem.norm, columns]) @ (
+            self.problem.fit(columns)
+        )
+        samples = len(left) / correlation_time(left)
+        price = 0.5 * (columns.shape[1] + len(trial.shape)) * np.log(max(samples, 2.0)) + np.log(len(self.trials))
+        return bool(-samples * np.log(1.0 - gain) > PRICE * price)
 
 
 def search(panel: Panel, gap: JointGap, effects: Sequence[Effect], named: Sequence[Named] = ()) -> Search:

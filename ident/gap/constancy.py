@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 
-from ident.arrays import FloatArray
 from ident.effects.base import Survey
 from ident.gap.abstain import signals
 from ident.gap.attribute import JointGap, Named, starts_of
