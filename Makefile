@@ -9,7 +9,7 @@ PIP_INSTALL := $(BIN)/python -m pip install --quiet --disable-pip-version-check 
 TEST_PROCESSES ?= 2
 SINGLE_THREADED := OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 MKL_NUM_THREADS=1 NUMBA_NUM_THREADS=1
 
-.PHONY: demo test check docs bench setup clean
+.PHONY: demo test check docs bench bench-gap setup clean
 
 demo: setup
 	$(BIN)/sensorless demo --out runs/demo
@@ -30,6 +30,9 @@ docs: $(VENV)/.docs
 bench: setup
 	@for script in benchmarks/*.py; do echo "== $$script"; $(BIN)/python "$$script" || exit 1; done
 
+bench-gap: $(VENV)/.bench
+	$(SINGLE_THREADED) $(BIN)/python -m comparisons.hidden_effects.benchmark --suite small --jobs $(TEST_PROCESSES) --out runs/bench-gap
+
 setup: $(VENV)/.installed
 
 clean:
@@ -45,6 +48,10 @@ $(BIN)/python:
 
 $(VENV)/.installed: pyproject.toml constraints.txt | $(BIN)/python
 	$(PIP_INSTALL) -e ".[learned,test,check]"
+	@touch $@
+
+$(VENV)/.bench: $(VENV)/.installed
+	$(PIP_INSTALL) -e ".[bench,cluster]"
 	@touch $@
 
 $(VENV)/.docs: $(VENV)/.installed

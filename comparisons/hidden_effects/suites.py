@@ -1,0 +1,111 @@
+"""Which cases a run consists of: every effect at every severity on rotating robots and joints, mixtures, none."""
+
+from __future__ import annotations
+
+import zlib
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from typing import Any, Literal
+
+import numpy as np
+
+from comparisons.hidden_effects.cases import CHANGES, WHOLE_ROBOT, Case, Hidden, robot_of
+from comparisons.hidden_effects.laws import FOREIGN, LAWS
+
+KINDS = ("single", "changed", "pair", "triple", "nothing", "foreign")
+"""Sets of cases; ``changed`` are single effects that show only against a model identified before."""
+
+STRUCTURAL = tuple(name for name in LAWS if name not in CHANGES)
+
+
+@dataclass(frozen=True)
+class Sizes:
+    """How many cases a run has.
+
+    Attributes:
+        per_effect: cases of each effect at each severity.
+        severities: of single effects, in the catalogue and outside.
+        mixtures: pairs, and as many triples, at each severity from one.
+        nothing: cases in which nothing is hidden; every fourth asks what changed.
+        robots: their names, taken in turn.
+    """
+
+    per_effect: int
+    severities: tuple[float, ...]
+    mixtures: int
+    nothing: int
+    robots: tuple[str, ...]
+
+
+SUITES = {
+    "small": Sizes(1, (2.0,), 3, 6, ("vs060", "ur10")),
+    "full": Sizes(4, (0.5, 1.0, 2.0, 5.0), 40, 400, ("vs060", "ur10", "panda", "xarm7")),
+}
+
+Suite = Literal["small", "full"]
+
+
+@dataclass(frozen=True)
+class Task:
+    """A case and the set that it belongs to."""
+
+    kind: str
+    case: Case
+
+    @property
+    def name(self) -> str:
+        """A name unlike that of any other task of a run."""
+        return f"{self.kind}-{self.case.name}{'-changed' if self.case.changed else ''}"
+
+
+def tasks(sizes: Sizes, seed: int, kinds: Sequence[str] = KINDS) -> list[Task]:
+    """Return the cases of a run; the same seed gives the same cases, whatever other sets are left out."""
+    made = {
+        "single": lambda: _singles("single", STRUCTURAL, sizes, seed),
+        "changed": lambda: _singles("changed", CHANGES, sizes, seed),
+        "foreign": lambda: _singles("foreign", tuple(FOREIGN), sizes, seed),
+        "pair": lambda: _mixtures("pair", 2, sizes, seed),
+        "triple": lambda: _mixtures("triple", 3, sizes, seed),
+        "nothing": lambda: _nothing(sizes, seed),
+    }
+    return [task for kind in KINDS if kind in kinds for task in made[kind]()]
+
+
+def shuffled(listed: Sequence[Any], seed: int) -> list[Any]:
+    """Shuffle, so that a run that is broken off has seen a bit of everything."""
+    order = np.random.default_rng([seed, 77]).permutation(len(listed))
+    return [listed[k] for k in order]
+
+
+def _singles(kind: str, effects: Sequence[str], sizes: Sizes, seed: int) -> Iterator[Task]:
+    for effect in effects:
+        # An effect keeps its robots and joints at all severities: curves then compare like with like.
+        first = zlib.crc32(effect.encode()) + seed
+        for number in range(sizes.per_effect):
+            robot = sizes.robots[(first + number) % len(sizes.robots)]
+            joint = (first // 7 + 2 * number) % robot_of(robot).n
+            for severity in sizes.severities:
+                hidden = Hidden(effect, None if effect in WHOLE_ROBOT else joint, severity)
+                case = Case(robot, (hidden,), 1000 * seed + number, changed=effect in CHANGES)
+                yield Task(kind, case)
+
+
+def _mixtures(kind: str, count: int, sizes: Sizes, seed: int) -> Iterator[Task]:
+    for severity in [s for s in sizes.severities if s >= 1.0]:
+        rng = np.random.default_rng([seed, count, round(10 * severity)])
+        for number in range(sizes.mixtures):
+            robot = sizes.robots[(number + seed) % len(sizes.robots)]
+            names = [str(n) for n in rng.choice(STRUCTURAL, count, replace=False)]
+            joints = [int(j) for j in rng.integers(0, robot_of(robot).n, count)]
+            hidden = tuple(
+                Hidden(name, None if name in WHOLE_ROBOT else joint, severity)
+                for name, joint in zip(names, joints, strict=True)
+            )
+            yield Task(kind, Case(robot, hidden, 1000 * seed + 300 + number))
+
+
+def _nothing(sizes: Sizes, seed: int) -> Iterator[Task]:
+    for number in range(sizes.nothing):
+        robot = sizes.robots[(number + seed) % len(sizes.robots)]
+        case = Case(robot, (), 1000 * seed + 500 + number)
+        yield Task("nothing", replace(case, changed=True) if number % 4 == 3 else case)
