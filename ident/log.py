@@ -135,9 +135,34 @@ class JointLog:
         """Return the log with some of its arrays replaced."""
         return dataclasses.replace(self, **changes)
 
+    def positions_only(self) -> JointLog:
+        """Return the log without its velocities and accelerations, which are then derived from the positions."""
+        return self.replace(dq=None, ddq=None)
+
     def _map(self, take: Any) -> JointLog:
         arrays = {f.name: getattr(self, f.name) for f in dataclasses.fields(self)}
         return JointLog(**{k: take(v) if isinstance(v, np.ndarray) else v for k, v in arrays.items()})
+
+
+@dataclass(frozen=True)
+class PositionsOnly:
+    """A source of logs whose velocities and accelerations are left out."""
+
+    source: LogSource
+
+    @property
+    def name(self) -> str:
+        """Name of the log."""
+        return self.source.name
+
+    def blocks(self, rows: int) -> Iterator[JointLog]:
+        """Yield consecutive pieces of at most ``rows`` rows."""
+        for block in self.source.blocks(rows):
+            yield block.positions_only()
+
+    def read(self) -> JointLog:
+        """Return the whole log."""
+        return self.source.read().positions_only()
 
 
 def concatenate(logs: list[JointLog], name: str = "log") -> JointLog:

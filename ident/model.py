@@ -11,7 +11,7 @@ import numpy as np
 from ident.arrays import FloatArray
 from ident.effects.base import Coefficient, Context, Effect, Shape, Term
 from ident.effects.rigid_body import Links, RotorInertia
-from ident.log import JointLog, LogSource, Sample
+from ident.log import JointLog, LogSource, PositionsOnly, Sample
 from ident.online_friction import Memories, OneSample
 from ident.robot import Robot
 from ident.signals import CausalDerivatives, Motion, derive
@@ -32,6 +32,7 @@ class CurrentModel:
         rate: sampling rate [Hz] of the logs it was identified from; filters of ``step`` are designed for it.
         gain: force unit per unit of current, (n,); ones where the gains are unknown.
         force_unit: unit of the model's forces: N m where the drive gains are known, else the current's unit.
+        positions_only: whether velocities come from the positions even where a log holds them, since they lag.
     """
 
     robot: Robot
@@ -40,6 +41,7 @@ class CurrentModel:
     rate: float
     gain: FloatArray
     force_unit: str
+    positions_only: bool = False
     _online: tuple[CausalDerivatives, Memories] | None = field(default=None, init=False, repr=False)
 
     @property
@@ -114,7 +116,7 @@ class CurrentModel:
         if not causal:
             return np.concatenate([predicted for _, predicted in self.predict_blocks(log)])
         predicted = np.empty_like(log.q)
-        motion = derive(log, self.cutoff, causal=True)
+        motion = derive(log.positions_only() if self.positions_only else log, self.cutoff, causal=True)
         for segment in log.segments():
             predicted[segment] = self.force(motion[segment], self.start()) / self.gain
         return predicted
@@ -122,7 +124,7 @@ class CurrentModel:
     def predict_blocks(self, source: LogSource) -> Iterator[tuple[JointLog, FloatArray]]:
         """Walk a log and yield (rows, predicted current (rows, n)) with zero-phase filters, in bounded memory."""
         memories = self.start()
-        for block in walk(source, self.cutoff):
+        for block in walk(PositionsOnly(source) if self.positions_only else source, self.cutoff):
             if block.first:
                 memories = self.start()
             yield block.log, self.force(block.motion, memories) / self.gain
@@ -137,7 +139,9 @@ class CurrentModel:
             self.reset()
             return self.step(sample)
         derivatives, memories = self._online
-        q, dq, ddq = derivatives.step(sample.t, sample.q, sample.dq, sample.ddq)
+        q, dq, ddq = derivatives.step(
+            sample.t, sample.q, *((None, None) if self.positions_only else (sample.dq, sample.ddq))
+        )
         motion = Motion(np.array([sample.t]), q[None], dq[None], ddq[None])
         return (self.force(motion, memories) / self.gain)[0]  # type: ignore[no-any-return]
 

@@ -30,6 +30,7 @@ def save_model(model: CurrentModel, folder: Path) -> None:
         "gain": model.gain.tolist(),
         "cutoff_hertz": model.cutoff,
         "rate_hertz": model.rate,
+        "positions_only": model.positions_only,
         "terms": [_write(model, term) for term in model.terms],
     }
     (folder / FILE).write_text(json.dumps(content, indent=1) + "\n")
@@ -63,6 +64,7 @@ def load_model(folder: str | Path, robot: Robot) -> CurrentModel:
             float(content["rate_hertz"]),
             np.array(content["gain"], dtype=float),
             content["force_unit"],
+            bool(content.get("positions_only", False)),
         )
     except (KeyError, TypeError, ValueError) as error:
         raise InputError(f"the model lacks or spoils {error}", str(path), "identify again") from error

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
@@ -60,6 +61,8 @@ def sentence(found: GapReport, finding: Finding) -> str:
     figures = ", ".join(
         f"{key} {_number(value)}{' ' + UNITS[key] if key in UNITS else ''}" for key, value in finding.parameters.items()
     )
+    if finding.effect == "delay" and not finding.terms:
+        where = "Whole robot: logged velocities come late, so they are derived from the positions instead; " + where
     text = f"{where}: {WORDS.get(finding.effect, finding.effect)} ({finding.effect}; {figures})"
     if found.evidence is not None and finding.effect != "contact":
         number = found.findings.index(finding)
@@ -128,8 +131,8 @@ def _table(report: Report, found: GapReport) -> None:
     report.table(
         columns,
         rows,
-        "p-value: chance of so good a candidate where there is nothing. Negative control: what the same signal, shifted "
-        "in time, gains; it must be about nought.",
+        "p-value: chance of so good a candidate where there is nothing. Negative control: what the same signal, "
+        "shifted in time, gains; it must be about nought.",
     )
 
 
@@ -167,7 +170,7 @@ def _signal(found: GapReport, finding: Finding) -> Figure:
             axis.plot(x[::every], y[::every], ".", color=style.RESIDUAL, markersize=1.5)
             edges = np.quantile(x, np.linspace(0, 1, 25))
             middles, means = [], []
-            for low, high in zip(edges[:-1], edges[1:], strict=True):
+            for low, high in itertools.pairwise(edges):
                 rows = (x >= low) & (x <= high)
                 if rows.sum() > 10:
                     middles.append(float(x[rows].mean()))

@@ -26,8 +26,9 @@ from ident.gap.rows import panel_of, survey_of
 from ident.gap.settle import alternatives, next_experiment
 from ident.gap.spectrum import spectral_line
 from ident.gap.touch import Touches, find_touches, row_step
+from ident.gap.velocity_lag import velocity_lag
 from ident.gap.whole import Whole, columns_of, whole_effect
-from ident.log import LogSource
+from ident.log import LogSource, PositionsOnly
 from ident.model import CurrentModel
 
 Progress = Callable[[str, float], None]
@@ -43,6 +44,9 @@ Between the two they are given if their coefficients are the same all over the l
 
 CONSTANT = 0.03
 """Share of what names explain that varying their coefficients may add."""
+
+SURE = 1e-6
+"""Least p-value that is stated."""
 
 WORTH_SAYING = 0.06
 """Share of a joint's squared residual that must be explainable for it to be called unexplained."""
@@ -161,6 +165,11 @@ class _Workflow:
         self.tell("reading logs", 0.0)
         if self.refit:
             self.model = self.fitted(self.model, [])
+        self.start, self.lag = self.model, velocity_lag(self.train, self.model.cutoff)
+        if self.lag is not None:
+            self.train = [PositionsOnly(source) for source in self.train]
+            self.model = replace(self.model, positions_only=True)
+            self.model = self.fitted(self.model, []) if self.refit else self.model
         self.panel = panel_of(self.model, self.train)
         if len(self.panel) < 200:
             raise InputError("too few rows", ", ".join(s.name for s in self.train), "give longer logs")
@@ -266,17 +275,21 @@ class _Workflow:
             unexplained += self.unexplained(gap, full.residual, full.keep)
         if touches.episodes:
             figures: dict[str, float | list[float]] = {"seconds": touches.seconds, "episodes": float(touches.episodes)}
-            findings.append(Finding("contact", "contact", touches.joints, figures, 1e-6, (), None, (), 0.0))
+            findings.append(Finding("contact", "contact", touches.joints, figures, SURE, (), None, (), 0.0))
         findings.sort(key=lambda f: -f.explained)
         self.tell("settling names", 0.6)
         missing = untestable(self.panel, self.survey, gaps, problems)
         models = [self.fitted(self.model, findings[:k]) for k in range(1, len(findings) + 1)]
-        shown = evidence([self.model, *models], self.test) if self.test else None
+        if self.lag is not None:
+            models.insert(0, self.model)
+            figure: dict[str, float | list[float]] = {"seconds": self.lag.seconds}
+            findings.insert(0, Finding("delay", "timing", (), figure, SURE, (), None, (), np.inf))
+        shown = evidence([self.start, *models], self.test) if self.test else None
         model = models[-1] if models else self.model
         maps = [gap_map(self.panel, self.survey, r) for r in (before, after)]
         self.tell("settling names", 1.0)
         return GapReport(
-            self.model, model, tuple(findings), tuple(unexplained), tuple(missing), touches, maps[0], maps[1],
+            self.start, model, tuple(findings), tuple(unexplained), tuple(missing), touches, maps[0], maps[1],
             self.panel, self.survey, (before, after), shown,
         )  # fmt: skip
 
@@ -338,7 +351,8 @@ class _Workflow:
         everything = [*model.terms, *terms]
         effects, shapes = [t.effect for t in everything], [t.shape for t in everything]
         drives = Drives(model.gain, model.force_unit)
-        return fit(model.robot, effects, self.train, model.cutoff, drives, shapes=shapes).model
+        found = fit(model.robot, effects, self.train, model.cutoff, drives, shapes=shapes).model
+        return replace(found, positions_only=model.positions_only)
 
 
 def _edge(panel: Panel, own: Sequence[Term], joint: int) -> FloatArray:

@@ -46,7 +46,7 @@ def test_the_virtual_arm_end_to_end(vs060, virtual_log, tmp_path):
     assert result["unit"] == result["force_unit"] == "%Use"
     assert 1 < result["condition_number"] < 1000
     assert {"name", "value", "std", "unit"} <= set(result["parameters"][0])
-    assert result["effects"]["4"] == ["links", "current-offset", "coulomb", "viscous", "maxwell-slip"]
+    assert result["effects"]["4"] == ["links", "current-offset", "rotor-inertia", "coulomb", "viscous", "maxwell-slip"]
 
 
 def test_effects_are_chosen_where_none_are_named(vs060, recorded):

@@ -1,0 +1,50 @@
+"""Step 1, preflight: whether the velocity that a robot logs comes later than the derivative of its position."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from ident.arrays import FloatArray
+from ident.log import JointLog, LogSource
+from ident.signals import derive
+
+LEAST = 2e-3
+"""Seconds of lag below which nothing is said: a filter's rounding."""
+
+AGREEMENT = 3.0
+"""The joints' lags must agree: their median over its spread between joints."""
+
+
+@dataclass(frozen=True)
+class VelocityLag:
+    """How late [s] the logged velocities are, by the median joint, and each joint (n,)."""
+
+    seconds: float
+    joints: FloatArray
+
+
+def velocity_lag(sources: Sequence[LogSource], cutoff: float) -> VelocityLag | None:
+    """Estimate the lag of logged velocities behind the derivative of the positions; None where there is none to see.
+
+    To first order ``dq_logged = dq - lag ddq``, fitted joint by joint, both sides behind the same zero-phase filter.
+    """
+    products, squares = None, None
+    for source in sources:
+        log = source.read()
+        if log.dq is None or len(log) < 2:
+            continue
+        true, logged = derive(log.positions_only(), cutoff), derive(log, cutoff)
+        known = np.isfinite(true.ddq).all(axis=1) & np.isfinite(logged.dq).all(axis=1)
+        behind = np.sum((true.dq - logged.dq)[known] * true.ddq[known], axis=0)
+        size = np.sum(true.ddq[known] ** 2, axis=0)
+        products = behind if products is None else products + behind
+        squares = size if squares is None else squares + size
+    if products is None or squares is None:
+        return None
+    lags = products / np.maximum(squares, 1e-300)
+    middle = float(np.median(lags))
+    spread = float(np.median(np.abs(lags - middle))) * 1.4826
+    return VelocityLag(middle, lags) if middle > max(LEAST, AGREEMENT * spread) else None
