@@ -94,5 +94,7 @@ def surrogates(residual: FloatArray, starts: IntArray, count: int, rng: np.rando
         spectrum = np.fft.rfft(residual[first:end])
         turned = np.exp(2j * np.pi * rng.random((len(spectrum), count)))
         turned[0] = rng.choice([-1.0, 1.0], count)
+        if rows % 2 == 0:
+            turned[-1] = rng.choice([-1.0, 1.0], count)
         drawn[first:end] = np.fft.irfft(spectrum[:, None] * turned, rows, axis=0)
     return drawn

@@ -147,8 +147,7 @@ class Sums:
         if len(own) == 0:
             return np.zeros(right.shape)
         ridge = RIDGE * np.diag(np.diag(own) + 1e-300)
-        solved = np.asarray(np.linalg.lstsq(own + ridge, right, rcond=1e-12)[0], dtype=np.float64)
-        return solved
+        return np.asarray(np.linalg.lstsq(own + ridge, right, rcond=1e-12)[0], dtype=np.float64)
 
 
 class JointProblem:

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ident.arrays import FloatArray
-from ident.log import JointLog, LogSource
+from ident.log import LogSource
 from ident.signals import derive
 
 LEAST = 2e-3

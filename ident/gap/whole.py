@@ -16,7 +16,8 @@ from ident.gap.panel import JointProblem, Panel
 SHARE = 0.85
 """Share of what the best effects of single joints explain, together, that one cause of the whole robot must."""
 
-MOST = 2
+VISIBLE = 1e-6
+"""Share of an effect's square that the baseline must leave."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -98,25 +99,31 @@ def _shared(
     problems: Sequence[JointProblem], columns: Sequence[FloatArray], before: FloatArray
 ) -> tuple[FloatArray, FloatArray] | None:
     """Coefficients that all joints share, weighted by the joints' residuals, and held-out squares (n, folds)."""
-    size = np.sqrt(sum(np.sum(c**2, axis=0) for c in columns))
-    if np.any(size <= 0):
-        return None
     weights = np.array([len(p) for p in problems]) / np.maximum(before.sum(axis=1), 1e-300)
-    folds = len(problems[0].folds)
-    sums = [p.sums(c / size) for p, c in zip(problems, columns, strict=True)]
-    everything = _solve([s.reduced(None) for s in sums], weights)
-    unique = sum(w * np.diag(s.reduced(None)[0]) for w, s in zip(weights, sums, strict=True))
-    if np.any(unique < 1e-8 * sum(w * np.diag(s.inside.sum(axis=0)) for w, s in zip(weights, sums, strict=True))):
+    whole = np.asarray(sum(np.sum(c**2, axis=0) for c in columns))
+    seen = np.flatnonzero(whole > 1e-20 * max(whole.max(), 1e-300))
+    if len(seen) == 0:
         return None
+    size = np.sqrt(whole[seen])
+    sums = [p.sums(c[:, seen] / size) for p, c in zip(problems, columns, strict=True)]
+    reduced = [s.reduced(None) for s in sums]
+    unique = sum(w * np.diag(normal) for w, (normal, _) in zip(weights, reduced, strict=True))
+    inside = sum(w * np.diag(s.inside.sum(axis=0)) for w, s in zip(weights, sums, strict=True))
+    # What the motion does not show stays nought; an effect of which it shows nothing is no candidate.
+    if np.max(np.asarray(unique) / np.maximum(inside, 1e-300)) < VISIBLE:
+        return None
+    coefficients = np.zeros(len(whole))
+    coefficients[seen] = _solve(reduced, weights) / size
+    folds = len(problems[0].folds)
     held_out = np.empty((len(problems), folds))
     for k in range(folds):
         shared = _solve([s.reduced(k) for s in sums], weights)
         held_out[:, k] = [s.held_out(k, shared) for s in sums]
-    return everything / size, held_out
+    return coefficients, held_out
 
 
 def _solve(parts: Sequence[tuple[FloatArray, FloatArray]], weights: FloatArray) -> FloatArray:
     normal = sum(w * a for w, (a, _) in zip(weights, parts, strict=True))
     right = sum(w * b for w, (_, b) in zip(weights, parts, strict=True))
-    found: FloatArray = np.linalg.lstsq(np.asarray(normal), np.asarray(right), rcond=1e-12)[0]
+    found: FloatArray = np.linalg.lstsq(np.asarray(normal), np.asarray(right), rcond=1e-9)[0]
     return found
