@@ -22,7 +22,7 @@ COMMANDS = {
     "compare": "Compare estimators on the same logs: how they err, what they feel, what they cost.",
     "convert": "Convert a log to CSV or Parquet, in the columns and units of the contract.",
     "doctor": "Check that everything the program stands on is there and works.",
-    "demo": "Identify the virtual VS060, without any hardware.",
+    "demo": "The main job on the virtual VS060 in minutes: excite, identify, gap, train, compare, comply.",
     "excite": "Design a motion that shows the robot's parameters and keeps all its limits.",
     "gap": "Find where simulation and measurement disagree, name what is missing and add it to the model.",
     "identify": "Identify a robot's current model from its logs.",

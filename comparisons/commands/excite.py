@@ -11,6 +11,7 @@ from cyclopts import Parameter
 from ident.errors import InputError
 
 if TYPE_CHECKING:
+    from comparisons.output import OutputDirectory
     from ident.arrays import FloatArray
     from ident.excitation.design import Designer, Excitation, Request
     from ident.robot import Robot
@@ -65,7 +66,6 @@ def excite(
         torque_share: share of the effort limits to use.
     """
     from comparisons.output import OutputDirectory
-    from comparisons.progress import show_progress
     from ident.excitation.design import Designer, Request
     from ident.excitation.geometry import Surroundings
     from ident.excitation.limits import Shares
@@ -79,15 +79,26 @@ def excite(
     shares = Shares(position_share, velocity_share, acceleration_share, torque_share)
     request = Request(period, harmonics, objective, restarts, seed, shares, surroundings)
     loaded = load_robot(robot)
-    with OutputDirectory(out, "excite") as output, show_progress() as progress:
+    with OutputDirectory(out, "excite") as output:
         designer = Designer(loaded, request, _prior(loaded, model))
         check_rate(designer.family, rate)
+        excitation = excite_into(output, designer, rate, waypoints, given or [])
+    _say(designer, excitation, out)
+
+
+def excite_into(
+    output: OutputDirectory, designer: Designer, rate: float, waypoints: str, given: list[Path]
+) -> Excitation:
+    """Design a motion and write everything into an output directory; shared with ``sensorless demo``."""
+    from comparisons.progress import show_progress
+
+    with show_progress() as progress:
         known = _known(designer, given)
         excitation = designer.design(known, lambda share: progress("Design", share))
         motion = excitation.trajectory.sample(rate)
-        _write(output.path, designer, excitation, known, motion, waypoints, given or [])
-        output.result(_result(designer, excitation, request))
-    _say(designer, excitation, out)
+        _write(output.path, designer, excitation, known, motion, waypoints, given)
+    output.result(_result(designer, excitation, designer.request))
+    return excitation
 
 
 def _prior(robot: Robot, model: Path | None) -> Any:
