@@ -108,12 +108,23 @@ class Judged:
 
         All joints where an effect of the whole robot or nothing is hidden; NaN without test errors.
         """
-        if self.answer is None or not self.answer.after:
+        return self._ratio(self._touched or set(range(len(self.truth.noise))))
+
+    @property
+    def untouched_ratio(self) -> float:
+        """The same on the joints where nothing is hidden: what the baseline alone cannot do; NaN without any."""
+        return self._ratio(set(range(len(self.truth.noise))) - self._touched)
+
+    @property
+    def _touched(self) -> set[int]:
+        """Joints on which something is hidden."""
+        whole = any(not s.joints for s in self.truth.secrets)
+        return set(range(len(self.truth.noise))) if whole else {j for s in self.truth.secrets for j in s.joints}
+
+    def _ratio(self, joints: set[int]) -> float:
+        if self.answer is None or not self.answer.after or not joints:
             return math.nan
-        hidden = {j for s in self.truth.secrets for j in s.joints}
-        everywhere = not hidden or any(not s.joints for s in self.truth.secrets)
-        joints = list(range(len(self.truth.noise))) if everywhere else sorted(hidden)
-        ratios = np.array([self.answer.after[j] / self.truth.noise[j] for j in joints])
+        ratios = np.array([self.answer.after[j] / self.truth.noise[j] for j in sorted(joints)])
         return float(np.sqrt(np.mean(ratios**2)))
 
     @property
@@ -139,9 +150,11 @@ FIGURES: Mapping[str, tuple[tuple[str, ...], Callable[[Sequence[Judged]], Score]
     "first name right": (SINGLE, lambda js: Score.share(j.name_right for j in js)),
     "true name in name + alternatives": (SINGLE, lambda js: Score.share(j.among for j in js)),
     "joint right": (SINGLE, lambda js: Score.share(j.joint_right for j in js)),
+    "no name too many": (SINGLE, lambda js: Score.share(j.answer is not None and j.counts[1] == 0 for j in js)),
     "a name, where nothing is hidden": (("nothing",), lambda js: Score.share(j.named or j.answer is None for j in js)),
     "silence on effects outside the catalogue": (("foreign",), lambda js: Score.share(j.silent for j in js)),
     "test RMSE over that with the law known": (SINGLE, lambda js: Score.median(j.error_ratio for j in js)),
+    "the same on joints where nothing is hidden": (SINGLE, lambda js: Score.median(j.untouched_ratio for j in js)),
     "main parameter's error": (SINGLE, lambda js: Score.median(e for j in js for e in j.parameter_errors)),
     "F1, two effects": (("pair",), lambda js: Score.f1([j.counts for j in js])),
     "F1, three effects": (("triple",), lambda js: Score.f1([j.counts for j in js])),

@@ -79,6 +79,8 @@ def test_table_of_hand_made_answers():
     assert found["a name, where nothing is hidden"] == (pytest.approx(2 / 3), 3)  # a breakdown is no silence
     assert found["silence on effects outside the catalogue"] == (pytest.approx(1 / 3), 3)
     assert found["test RMSE over that with the law known"] == (pytest.approx(1.7), 4)  # of the hidden joint alone
+    assert found["the same on joints where nothing is hidden"] == (9.0, 4)
+    assert found["no name too many"] == (0.5, 4)
     assert found["main parameter's error"] == (pytest.approx(0.05), 1)
     assert "F1, two effects" not in found
 
