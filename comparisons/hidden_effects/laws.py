@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
+from scipy.interpolate import CubicSpline
 from scipy.signal import lfilter
 
 from ident.arrays import FloatArray
@@ -216,7 +217,10 @@ def _(s: Scene, j: int, a: float, rng: np.random.Generator) -> tuple[FloatArray,
 
 @law("sensor-drift")
 def _(s: Scene, j: int, a: float, rng: np.random.Generator) -> tuple[FloatArray, dict[str, float]]:
-    return on(s, j, a * s.t / 3600.0), {"per_hour": a}
+    # It slows down as the sensor warms up; the figure is the mean rate.
+    length = float(s.t[-1])
+    settled = (1.0 - np.exp(-0.7 * s.t / length)) / (1.0 - np.exp(-0.7))
+    return on(s, j, a * length / 3600.0 * settled), {"per_hour": a}
 
 
 @law("cable-spring")
@@ -270,7 +274,10 @@ def _(s: Scene, j: int, a: float, rng: np.random.Generator) -> tuple[FloatArray,
 @law("delay")
 def _(s: Scene, j: int, a: float, rng: np.random.Generator) -> tuple[FloatArray, dict[str, float]]:
     seconds = 1e-3 * a
-    late = np.stack([np.interp(s.t - seconds, s.t, x) for x in s.known.T], axis=1)
+    late = np.empty_like(s.known)
+    for piece in np.split(np.arange(len(s.t)), np.flatnonzero(s.start)[1:]):
+        t = s.t[piece]
+        late[piece] = CubicSpline(t, s.known[piece])(np.maximum(t - seconds, t[0]))
     return late - s.known, {"seconds": seconds}
 
 

@@ -133,16 +133,8 @@ def rows():
 BY_DEFINITION = ("rotor-inertia", "current-offset", "drive-gain")
 """Effects whose law can be but one: the acceleration, a constant, the whole current."""
 
-CIRCULAR = ("delay", "sensor-drift")
-"""Laws that the catalogue's column gives to rounding, though they need not be its own; mended, they fail as xpass."""
 
-
-def named_law(name):
-    circular = pytest.mark.xfail(strict=True, reason="the law is the catalogue's own")
-    return pytest.param(name, marks=circular if name in CIRCULAR else ())
-
-
-@pytest.mark.parametrize("name", [named_law(n) for n in [*LAWS, *FOREIGN] if n not in BY_DEFINITION])
+@pytest.mark.parametrize("name", [n for n in [*LAWS, *FOREIGN] if n not in BY_DEFINITION])
 def test_laws_are_not_in_the_span_of_the_catalogues_columns(name, rows):
     """A law that the catalogue could give exactly would test nothing but the solver."""
     maker, scenes = rows

@@ -1,0 +1,139 @@
+"""``sensorless gap``: results as the contract has them, predictions before and after, bad input in one line."""
+
+import json
+
+import numpy as np
+import pyarrow.parquet
+import pytest
+
+from comparisons import cli
+from ident.log import JointLog
+from ident.log_writer import write_log
+from ident.model_file import load_model
+from ident.readers import open_log
+from ident.robot import load_robot
+
+CRANK = """<robot name="crank"><link name="base"/><link name="arm"><inertial><origin xyz=".3 0 .05"/><mass value="3"/>
+<inertia ixx=".02" iyy=".08" izz=".08" ixy="0" ixz="0" iyz="0"/></inertial></link>
+<joint name="a" type="revolute"><parent link="base"/><child link="arm"/><axis xyz="0 1 0"/>
+<limit lower="-2.5" upper="2.5" velocity="3" effort="90"/></joint></robot>"""
+
+
+@pytest.fixture(scope="module")
+def robot(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("crank")
+    (folder / "crank.urdf").write_text(CRANK)
+    (folder / "robot.toml").write_text('name = "crank"\nurdf = "crank.urdf"\ncurrent_unit = "A"\n')
+    return folder / "robot.toml"
+
+
+@pytest.fixture(scope="module")
+def logs(robot, tmp_path_factory):
+    """A one-joint arm whose friction is higher at low speed, which the baseline does not know."""
+    folder, crank = tmp_path_factory.mktemp("logs"), load_robot(robot)
+    for name, seed in (("train_1", 1), ("train_2", 2), ("test", 3)):
+        rng = np.random.default_rng(seed)
+        t = np.arange(5000) / 100.0
+        q, dq, ddq = np.zeros((3, 5000, 1))
+        for hertz, size in ((0.05, 0.5), (0.12, 0.3), (0.37, 0.03)):
+            w, phase = 2 * np.pi * hertz, rng.uniform(0, 6)
+            q[:, 0] += size * np.sin(w * t + phase)
+            dq[:, 0] += size * w * np.cos(w * t + phase)
+            ddq[:, 0] -= size * w**2 * np.sin(w * t + phase)
+        force = crank.rigid_body.inverse_dynamics(q, dq, ddq, crank.multibody.parameters[None])
+        force += 1.5 * np.tanh(dq / 2e-3) + 0.8 * dq + 0.5 * np.sign(dq) * np.exp(-((dq / 0.05) ** 2))
+        current = (force + 0.1 * rng.standard_normal(q.shape)) / 4.0
+        write_log(JointLog(t=t, q=q, current=current, name=name), folder / f"{name}.csv")
+    return folder
+
+
+def call(capsys, *words):
+    with pytest.raises(SystemExit) as exit_:
+        cli.main(["gap", *(str(word) for word in words)])
+    captured = capsys.readouterr()
+    return int(exit_.value.code or 0), captured.out, captured.err
+
+
+@pytest.fixture(scope="module")
+def done(robot, logs, tmp_path_factory):
+    out = tmp_path_factory.mktemp("run") / "out"
+    words = ["gap", robot, "--train", logs / "train_1.csv", logs / "train_2.csv", "--test", logs / "test.csv"]
+    with pytest.raises(SystemExit) as exit_:
+        cli.main([str(word) for word in [*words, "--out", out]])
+    assert not exit_.value.code
+    return out
+
+
+def test_result_is_as_the_contract_says(done):
+    result = json.loads((done / "result.json").read_text())
+    assert result["command"] == "gap"
+    assert result["unit"] == "A"
+    first = result["findings"][0]
+    assert first["effect"] == "stribeck"
+    assert first["family"] == "friction"
+    assert first["joints"] == [1]
+    assert {"force", "speed"} <= set(first["parameters"])
+    assert first["parameters"]["speed"] == pytest.approx(0.05, rel=0.1)
+    assert first["parameters"]["force"] == pytest.approx(0.5 / 4.0, rel=0.15)
+    assert 0 < first["p_value"] <= 0.01
+    assert first["rmse_before"] == result["rmse"]["before"]
+    assert first["rmse_after"][0] < 0.8 * first["rmse_before"][0]
+    assert (first["next_experiment"] is None) == (first["alternatives"] == [])
+    assert all({"effect", "reason"} <= set(one) for one in result["untestable"])
+
+
+def test_figures_are_those_of_the_predictions(done, robot, logs):
+    result = json.loads((done / "result.json").read_text())
+    table = pyarrow.parquet.read_table(done / "predictions" / "test.parquet").to_pydict()
+    log = open_log(logs / "test.csv", load_robot(robot)).read()
+    np.testing.assert_array_equal(table["t"], log.t)
+    for letter, part in (("b", "before"), ("p", "after")):
+        left = np.array(table["i1"]) - np.array(table[f"{letter}1"])
+        assert np.sqrt(np.mean(left**2)) == pytest.approx(result["rmse"][part][0])
+    model = load_model(done, load_robot(robot))
+    np.testing.assert_allclose(model.predict(log)[:, 0], table["p1"])
+
+
+def test_the_page_shows_the_finding_and_opens_offline(done):
+    page = (done / "report.html").read_text()
+    assert "friction is higher at low speed" in page
+    assert "What could not be tested" in page
+    assert all(f'{use}="http' not in page for use in ("src", "href"))
+
+
+def test_the_extended_model_is_held_fixed_when_given(done, robot, logs, tmp_path, capsys):
+    words = (
+        robot,
+        "--train",
+        logs / "train_2.csv",
+        "--test",
+        logs / "test.csv",
+        "--model",
+        done,
+        "--out",
+        tmp_path / "x",
+    )
+    status, out, _ = call(capsys, *words)
+    assert status == 0
+    assert "Nothing is named" in out
+
+
+@pytest.mark.parametrize(
+    ("words", "what"),
+    [
+        (("--test", "missing.csv"), "missing.csv"),
+        (("--test", "TEST", "--model", "nowhere"), "no model"),
+        (("--test", "TEST", "--model", "DONE", "--cutoff", "5"), "a model has its own cut-off"),
+    ],
+)
+def test_bad_input_is_one_line_and_leaves_the_directory(words, what, done, robot, logs, tmp_path, capsys):
+    known = {"TEST": logs / "test.csv", "DONE": done}
+    (tmp_path / "out").mkdir()
+    (tmp_path / "out" / "mine.txt").write_text("kept")
+    given = [known.get(word, word) for word in words]
+    status, _, err = call(capsys, robot, "--train", logs / "train_1.csv", *given, "--out", tmp_path / "out")
+    assert status == 2
+    assert err.startswith("error: ")
+    assert what in err
+    assert err.count("\n") == 1
+    assert [p.name for p in (tmp_path / "out").iterdir()] == ["mine.txt"]
