@@ -62,14 +62,15 @@ def sentence(found: GapReport, finding: Finding) -> str:
         f"{key} {_number(value)}{' ' + UNITS[key] if key in UNITS else ''}" for key, value in finding.parameters.items()
     )
     if finding.effect == "delay" and not finding.terms:
-        where = "Whole robot: logged velocities come late, so they are derived from the positions instead; " + where
+        where = "Logged velocities come late and are derived from the positions instead. " + where
     text = f"{where}: {WORDS.get(finding.effect, finding.effect)} ({finding.effect}; {figures})"
     if found.evidence is not None and finding.effect != "contact":
         number = found.findings.index(finding)
         before, after = found.evidence.steps[number], found.evidence.steps[number + 1]
         joint = finding.joints[0] if finding.joints else int(np.argmax(1.0 - after / before))
         unit = found.model.unit
-        text += f"; the gap on test logs falls from {before[joint]:.3g} to {after[joint]:.3g} {unit}"
+        change = "falls" if after[joint] < before[joint] else "does not fall: it goes"
+        text += f"; the gap on test logs {change} from {before[joint]:.3g} to {after[joint]:.3g} {unit}"
         text += f"{'' if finding.joints else f' on joint {joint + 1}'}, noise floor {found.noise_floor[joint]:.3g}"
     text += "."
     if finding.alternatives:
