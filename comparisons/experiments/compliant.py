@@ -34,6 +34,23 @@ CALM = 1.0
 """Time [s] after a release from which the arm should stand still, and its residuals count as untouched."""
 
 
+def _push(link: int, point: tuple[float, float, float], force: tuple[float, float, float], start: float) -> Push:
+    return Push(link, point, force, start, duration=1.6, rise=0.5)
+
+
+PUSHES = (
+    _push(2, (0.0, 0.0, 0.3), (90.0, 0.0, 0.0), 3.0),
+    _push(3, (0.0, 0.0, 0.25), (0.0, 60.0, 0.0), 6.5),
+    _push(3, (0.0, 0.0, 0.25), (-70.0, 0.0, 0.0), 10.0),
+    _push(4, (0.0, 0.08, 0.1), (50.0, 0.0, 0.0), 13.5),
+    _push(5, (0.0, 0.0, 0.08), (40.0, 0.0, 0.0), 17.0),
+    _push(6, (0.08, 0.0, 0.05), (0.0, 40.0, 0.0), 20.5),
+    _push(2, (0.0, 0.0, 0.3), (-90.0, 0.0, 0.0), 24.0),
+    _push(6, (0.0, 0.0, 0.05), (0.0, -40.0, 20.0), 24.0),
+)
+"""Pushes at one link after the other, then at two together."""
+
+
 @dataclass(frozen=True, eq=False)
 class Ride:
     """What happened to a compliant arm.

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -83,6 +84,13 @@ def task_compliance(ride: Ride, boundary: FloatArray) -> Figure:
         axes[3].set_xlabel("time [s]")
         style.legend_above(figure, axes[0])
     return figure
+
+
+def save(figure: Figure, path: Path) -> None:
+    """Write a figure as PNG, on white paper, and as SVG; ``path`` is without suffix."""
+    with style.report_style():
+        figure.savefig(path.with_suffix(".png"), dpi=130, facecolor="white")
+        figure.savefig(path.with_suffix(".svg"), facecolor="white")
 
 
 def _shade(axis: Axes, pushes: Sequence[Push]) -> None:
