@@ -35,6 +35,15 @@ from learned.predictor import LearnedModel
 
 ROBOT = "vs060"
 HIERARCHIES = ("HRDL-MD, H1", "HRDL-MD, H1-2", "HRDL-MD, H1-3")
+SLIP = "model-based, Maxwell slip"
+MODELS: dict[str, tuple[str, bool]] = {
+    "model-based, from sinusoids": ("sigmoid", True),
+    "model-based": ("sigmoid", False),
+    "model-based, chosen effects": (PHYSICS, False),
+    SLIP: ("maxwell-slip", False),
+}
+"""Identified models: family, and whether they are identified from the sinusoids, by the name of the row."""
+
 NETWORKS = {"MLP": "mlp", "RDL": "rdl", "LSTM": "lstm", "RDL-MD": "rdl-md", "HRDL-MD": "hrdl-md", "hybrid": "hybrid"}
 BANDWIDTH = 5.0
 
@@ -60,26 +69,29 @@ class Rows:
 
     def all(self) -> Iterator[Contestant]:
         """Yield every run of every row; runs of one row have its name as their method."""
-        yield self._model("model-based, from sinusoids", "sigmoid", excited=True)
-        yield self._model("model-based", "sigmoid")
-        yield self._model("model-based, chosen effects", PHYSICS)
-        physics = self._model("model-based, Maxwell slip", "maxwell-slip")
-        yield physics
-        for row, method in NETWORKS.items():
-            for seed in range(self.seeds):
-                yield from self._network(row, method, seed, physics)
+        for row in (*MODELS, *NETWORKS):
+            yield from self.runs(row)
 
-    def _model(self, row: str, family: str, excited: bool = False) -> Contestant:
+    def runs(self, row: str) -> Iterator[Contestant]:
+        """Yield the runs of one of `MODELS` or `NETWORKS`; those of a network with hierarchies are of several rows."""
+        if row in MODELS:
+            yield self._model(row, *MODELS[row])
+            return
+        physics = self._model(SLIP, *MODELS[SLIP]) if NETWORKS[row] == "hybrid" else None
+        for seed in range(self.seeds):
+            yield from self._network(row, NETWORKS[row], seed, physics)
+
+    def _model(self, row: str, family: str, excited: bool) -> Contestant:
         logs = self.data.excitation if excited else self.data.train
         workshop = Workshop(self.folder, self.data.robot, logs, self.progress)
         name = f"{family}-excitation" if excited else family
         model, seconds = workshop.physics(name, FAMILIES.get(family), None)
         return Contestant(name, row, model, seconds=seconds)
 
-    def _network(self, row: str, method: str, seed: int, physics: Contestant) -> Iterator[Contestant]:
+    def _network(self, row: str, method: str, seed: int, physics: Contestant | None) -> Iterator[Contestant]:
         workshop = Workshop(self.folder, self.data.robot, self.data.train, self.progress)
         options = training_options(method, self.preset, self.epochs, seed, self.device)
-        below = None if method != "hybrid" or isinstance(physics.model, LearnedModel) else physics.model
+        below = None if physics is None or isinstance(physics.model, LearnedModel) else physics.model
         model, seconds = workshop.network(f"{method}-seed{seed}", method, options, below)
         if method != "hrdl-md":
             yield Contestant(f"{method}-seed{seed}", row, model, seconds=seconds, seed=seed)
