@@ -8,7 +8,7 @@ it takes the logs and models that are there, otherwise it makes them. It writes 
 from __future__ import annotations
 
 import sys
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -40,7 +40,14 @@ PAPERS = ("RDL", "LSTM", "model-based, from sinusoids", "RDL-MD")
 
 NAME = "time_series"
 
-COLOURS = (style.MEASURED, style.RESIDUAL, style.FURTHER[0], style.PREDICTED, style.FURTHER[1], style.FURTHER[2])
+COLOURS = dict(
+    zip(
+        (*PAPERS, "HRDL-MD", "hybrid", "model-based, Maxwell slip"),
+        (style.MEASURED, style.RESIDUAL, style.FURTHER[2], style.PREDICTED, *style.FURTHER[:2], style.FURTHER[3]),
+        strict=True,
+    )
+)
+"""Colours of rows, the paper's for those of its figure; others take what is left."""
 
 
 def time_series(
@@ -143,13 +150,18 @@ def time_series_figure(
     with style.report_style():
         for joint, axis in enumerate(axes):
             axis.plot(*style.thin(t, log.current[:, joint], 2000), color=style.INK, linewidth=0.7, label="measured")
-            for (name, values), colour in zip(currents.items(), COLOURS, strict=False):
+            for (name, values), colour in zip(currents.items(), _colours(currents), strict=True):
                 axis.plot(*style.thin(t, values[:, joint], 2000), color=colour, linewidth=1.0, label=name)
             _mark(axis, t[regimes.starts[rows, joint]], "^", "start")
             _mark(axis, t[regimes.stops[rows, joint]], "o", "stop")
             axis.set_xlim(0.0, float(t[-1]))
         style.legend_above(figure, axes[0])
     return figure
+
+
+def _colours(rows: Collection[str]) -> list[str]:
+    left = [colour for row, colour in COLOURS.items() if row not in rows]
+    return [COLOURS[row] if row in COLOURS else left.pop(0) for row in rows]
 
 
 def _mark(axis: Axes, at: Any, marker: str, label: str) -> None:
