@@ -20,7 +20,7 @@ from ident.errors import InputError
 
 RUN_EXTRAS = ("learned", "cluster")
 """Extras that commands make use of; the others serve those who work on the program."""
-IMPORT_NAME = {"pin": "pinocchio"}
+IMPORT_NAME = {"scikit-learn": "sklearn", "pin": "pinocchio"}
 """Where the module is not called as the distribution."""
 AGREEMENT = 1e-9
 """Greatest difference of two computations of the same torque, relative to the torque."""
