@@ -11,14 +11,14 @@ from __future__ import annotations
 
 import hashlib
 import sys
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Sequence
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import cyclopts
 
+from comparisons.cluster import workers
 from comparisons.comparison.held_out import HeldOut
 from comparisons.experiments.candidates import Candidate, load_grid
 from comparisons.experiments.screening_page import ranked, screening_figure, screening_page
@@ -147,30 +147,6 @@ def recorded(robot: Robot, folder: Path, folds: int, seconds: float, seed: int, 
         paths.append(path)
         progress("recording", (number + 1) / folds)
     return open_logs(paths, robot)
-
-
-@contextmanager
-def workers(scheduler: str | None) -> Iterator[None]:
-    """Let joblib's parallel work in the block be done by a Dask cluster, if its scheduler's address is given.
-
-    Raises:
-        InputError: Dask is not installed, or nobody answers there.
-    """
-    if scheduler is None:
-        yield
-        return
-    from joblib import parallel_config
-
-    try:
-        from distributed import Client
-    except ImportError as error:
-        raise InputError("no Dask", "--scheduler", "install the extra cluster: dask[distributed]") from error
-    try:
-        client = Client(scheduler, timeout=10)  # type: ignore[no-untyped-call]
-    except (OSError, ValueError, TimeoutError) as error:
-        raise InputError("no scheduler answers", f"--scheduler {scheduler}", "start dask scheduler there") from error
-    with client, parallel_config(backend="dask"):
-        yield
 
 
 if __name__ == "__main__":

@@ -11,15 +11,15 @@ import json
 import os
 import sys
 import time
-from collections.abc import Iterable, Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Iterable, Sequence
 from importlib.util import find_spec
 from pathlib import Path
 from typing import Annotated, Any
 
 import cyclopts
-from joblib import Parallel, delayed, parallel_config
+from joblib import Parallel, delayed
 
+from comparisons.cluster import workers
 from comparisons.hidden_effects.benchmark_page import page, plots, results
 from comparisons.hidden_effects.measured import FOLDER, MeasuredTask, measured_tasks
 from comparisons.hidden_effects.suites import KINDS, SUITES, Sizes, Suite, Task, shuffled, tasks
@@ -103,33 +103,13 @@ def run(
     left = [task for task in listed if not (found := known[task.name]) or not whole(found, methods)]
     started = time.monotonic()
     calls = (delayed(work)(task, methods, known[task.name]) for task in left)
-    with _backend(jobs, scheduler):
+    with workers(scheduler, jobs):
         finished: Iterable[dict[str, Any]] = Parallel(return_as="generator_unordered")(calls)
         for number, record in enumerate(finished, start=1):
             known[record["name"]] = record
             _write(folder / f"{record['name']}.json", record)
             _tell(number, len(left), time.monotonic() - started, record)
     return [record for record in known.values() if record is not None]
-
-
-@contextmanager
-def _backend(jobs: int, scheduler: str | None) -> Iterator[None]:
-    """Hand joblib's work to processes of this machine, or to the workers of a Dask cluster."""
-    if scheduler is None:
-        inner = {"inner_max_num_threads": 1} if jobs != 1 else {}
-        with parallel_config(backend="loky" if jobs != 1 else "sequential", n_jobs=jobs, **inner):
-            yield
-        return
-    try:
-        from distributed import Client
-    except ModuleNotFoundError:
-        raise InputError("dask is not installed", "--scheduler", 'pip install "sensorless[cluster]"') from None
-    try:
-        client = Client(scheduler, timeout=10)  # type: ignore[no-untyped-call]
-    except (OSError, ValueError) as error:
-        raise InputError("no Dask scheduler answers", scheduler, "give tcp://HOST:PORT of one that runs") from error
-    with client, parallel_config(backend="dask", n_jobs=-1):
-        yield
 
 
 def _chosen(listed: Sequence[Task | MeasuredTask], only: Sequence[str]) -> list[Task | MeasuredTask]:
