@@ -107,7 +107,12 @@ class OutputDirectory:
 
 
 def listed_files(directory: Path, command: str) -> list[str]:
-    """Files that a run of a command made, as the directory's result.json says; those of them that are still there."""
+    """Files that a run of a command made, as the directory's result.json says; those of them that are still there.
+
+    Args:
+        directory: of the run.
+        command: whose run it must have been.
+    """
     try:
         former = json.loads((directory / RESULT).read_text(encoding="utf-8"))
     except (OSError, ValueError):
@@ -122,7 +127,11 @@ def listed_files(directory: Path, command: str) -> list[str]:
 
 
 def to_json(result: Mapping[str, Any]) -> str:
-    """Write a result as JSON: numpy values converted, numbers that JSON lacks (NaN, infinities) as null."""
+    """Write a result as JSON: numpy values converted, numbers that JSON lacks (NaN, infinities) as null.
+
+    Args:
+        result: numbers, arrays, strings, and mappings and sequences of them.
+    """
     return json.dumps(_plain(result), indent=2, allow_nan=False, ensure_ascii=False) + "\n"
 
 

@@ -45,6 +45,10 @@ def find_base_parameters(rigid_body: RigidBody, joint: int | None = None) -> Bas
     Khalil (1990). The motion is drawn from the joint limits with a fixed seed, so the answer is always the same; it
     depends on the mechanism's gravity, which decides what the first joints show. ``W @ pi == W_b @ projection @ pi``
     holds to rounding, that of the URDF's angles where they are written to six figures.
+
+    Args:
+        rigid_body: the mechanism's dynamics.
+        joint: whose row, from 0; None for the whole robot.
     """
     regressor = _random_regressor(rigid_body, joint)
     scale = np.linalg.norm(regressor, axis=0)

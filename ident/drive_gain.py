@@ -54,7 +54,11 @@ class GainEstimate:
 
 
 def usual_effects(robot: Robot) -> list[Effect]:
-    """Return what every joint has of its own: rotor inertia, offset, Coulomb and viscous friction."""
+    """Return what every joint has of its own: rotor inertia, offset, Coulomb and viscous friction.
+
+    Args:
+        robot: whose joints get them.
+    """
     return [kind(j) for j in range(robot.n) for kind in (RotorInertia, CurrentOffset, Coulomb, Viscous)]
 
 

@@ -45,7 +45,12 @@ URDF = "identified.urdf"
 
 @dataclass(frozen=True, eq=False)
 class PayloadLogs:
-    """Logs of the robot carrying a known payload, which fix the scale of its drive gains."""
+    """Logs of the robot carrying a known payload, which fix the scale of its drive gains.
+
+    Attributes:
+        payload: mass, centre of mass and the frame that carries it.
+        logs: of motion with it.
+    """
 
     payload: Payload
     logs: Sequence[LogSource]

@@ -166,7 +166,12 @@ class PositionsOnly:
 
 
 def concatenate(logs: list[JointLog], name: str = "log") -> JointLog:
-    """Join logs of one robot end to end, each beginning segments of its own; columns missing in one are dropped."""
+    """Join logs of one robot end to end, each beginning segments of its own; columns missing in one are dropped.
+
+    Args:
+        logs: at least one, of the same joints.
+        name: of the joined log.
+    """
     arrays: dict[str, Any] = {}
     for field in dataclasses.fields(JointLog):
         values = [getattr(log, field.name) for log in logs]

@@ -27,6 +27,10 @@ GROUP_ROWS = 65536
 def write_log(log: JointLog, path: str | Path) -> None:
     """Write a log to CSV or Parquet, by suffix; a file there before is replaced only when all is written.
 
+    Args:
+        log: what to write, in the columns of the contract.
+        path: of the file, ending in .csv or .parquet.
+
     Raises:
         InputError: the suffix is neither, or the folder cannot be written to.
     """

@@ -20,7 +20,12 @@ FORMAT = 1
 
 
 def save_model(model: CurrentModel, folder: Path) -> None:
-    """Write the model to ``folder/model.json``: effects, parameters with units and standard deviations."""
+    """Write the model to ``folder/model.json``: effects, parameters with units and standard deviations.
+
+    Args:
+        model: what to write.
+        folder: that is there already.
+    """
     content = {
         "format": FORMAT,
         "robot": model.robot.name,
@@ -38,6 +43,10 @@ def save_model(model: CurrentModel, folder: Path) -> None:
 
 def load_model(folder: str | Path, robot: Robot) -> CurrentModel:
     """Read a model that ``save_model`` wrote.
+
+    Args:
+        folder: that holds model.json, as identify and gap write it.
+        robot: that the model was identified of.
 
     Raises:
         InputError: there is no model, it cannot be read, or it belongs to another robot.

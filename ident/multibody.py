@@ -58,6 +58,7 @@ class Multibody:
         tree: the mechanism as plain arrays.
         model_index: where each joint stands in Pinocchio's q and v, (n,).
         tool_frame: the last body frame that the end of the chain carries.
+        data: Pinocchio's workspace for the model.
     """
 
     model: Any

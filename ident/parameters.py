@@ -56,7 +56,11 @@ class Parameter:
 
 
 def list_parameters(fit: Fit) -> list[Parameter]:
-    """List a fit's parameters: links first, then joint by joint; shapes after the coefficients they belong to."""
+    """List a fit's parameters: links first, then joint by joint; shapes after the coefficients they belong to.
+
+    Args:
+        fit: of a model, with its covariances.
+    """
     listed = []
     for k, term in enumerate(fit.model.terms):
         effect = term.effect

@@ -65,7 +65,11 @@ class CarryingMotion(Motion):
 
 
 def carrying(blocks: Iterable[Block]) -> Iterator[Block]:
-    """Yield blocks whose motion is known to be made with the payload."""
+    """Yield blocks whose motion is known to be made with the payload.
+
+    Args:
+        blocks: of logs, as `ident.walk` yields them.
+    """
     for block in blocks:
         m = block.motion
         yield replace(block, motion=CarryingMotion(m.t, m.q, m.dq, m.ddq))
@@ -109,7 +113,11 @@ class UnknownInertia(Effect):
 
 
 def last_joint(robot: Robot) -> int:
-    """Joint, from 0, that carries the payload: the end of the chain."""
+    """Joint, from 0, that carries the payload: the end of the chain.
+
+    Args:
+        robot: of one chain, or several.
+    """
     return int(robot.multibody.tree.order[-1])
 
 

@@ -33,6 +33,9 @@ class RigidBody:
     may be given as (n,), and the answer then has no N either. ``parameters`` are (10 n,), or (n, 10 n) with row j for
     joint j: in current units with unknown gains every joint has its own. ``gravity`` (3,) [m/s^2] in the base frame
     is the mechanism's unless given. Every method raises ValueError where a shape is wrong.
+
+    Args:
+        multibody: the mechanism.
     """
 
     def __init__(self, multibody: Multibody) -> None:

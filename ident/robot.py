@@ -25,7 +25,14 @@ TORQUE_UNITS = ("N*m", "Nm", "N m", "N.m", "N·m", "N")
 
 @dataclass(frozen=True, eq=False)
 class JointLimits:
-    """Limits of the joints [rad, rad/s, rad/s^2, N m; prismatic m, N], each (n,), inf where unknown."""
+    """Limits of the joints [rad, rad/s, rad/s^2, N m; prismatic m, N], each (n,), inf where unknown.
+
+    Attributes:
+        lower, upper: positions [rad; prismatic m].
+        velocity: greatest speed [rad/s; m/s].
+        acceleration: greatest acceleration [rad/s^2; m/s^2].
+        effort: greatest force [N m; N].
+    """
 
     lower: FloatArray
     upper: FloatArray
@@ -36,7 +43,14 @@ class JointLimits:
 
 @dataclass(frozen=True, eq=False)
 class Robot:
-    """A robot: its card, its mechanism, its limits and the file of its URDF; arrays are in the order of ``joints``."""
+    """A robot: its card, its mechanism, its limits and the file of its URDF; arrays are in the order of ``joints``.
+
+    Attributes:
+        card: what was read from robot.toml.
+        multibody: the mechanism.
+        limits: of the joints, the card's before the URDF's.
+        urdf: file of the mechanism, if it came from one.
+    """
 
     card: RobotCard
     multibody: Multibody
@@ -95,6 +109,9 @@ def built_in_robots() -> list[str]:
 
 def load_robot(robot: str | Path) -> Robot:
     """Load a robot by built-in name or by the path of its card.
+
+    Args:
+        robot: name or path.
 
     Raises:
         InputError: the card or its URDF is missing or wrong; ``what`` lists every mistake as ``key: problem``.

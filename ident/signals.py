@@ -97,7 +97,13 @@ def _continuation(end: FloatArray) -> FloatArray:
 
 
 def shortest(rate: float, cutoff: float, order: int = 3) -> int:
-    """Fewest rows that ``zero_phase`` filters: a period of the cut-off, and enough to pad the ends."""
+    """Fewest rows that ``zero_phase`` filters: a period of the cut-off, and enough to pad the ends.
+
+    Args:
+        rate: samples a second [Hz].
+        cutoff: of the filter [Hz].
+        order: of the filter.
+    """
     return max(3 * (order + 1) + 1, _period(rate, cutoff))
 
 

@@ -83,7 +83,12 @@ class Tangent(Effect):
 
 
 def autocovariance(residuals: list[FloatArray], lags: int = LAGS) -> FloatArray:
-    """Autocovariance (lags,) of several stretches of a signal, pooled; not longer than half of the longest stretch."""
+    """Autocovariance (lags,) of several stretches of a signal, pooled; not longer than half of the longest stretch.
+
+    Args:
+        residuals: stretches of the signal, (N_k,) each.
+        lags: how many lags are wanted, from 0.
+    """
     lags = min(lags, max(2, max(len(r) for r in residuals) // 2))
     total, counts = np.zeros(lags), np.zeros(lags)
     for residual in residuals:
@@ -96,7 +101,11 @@ def autocovariance(residuals: list[FloatArray], lags: int = LAGS) -> FloatArray:
 
 
 def bandwidth(gamma: FloatArray) -> int:
-    """Width [samples] of the Parzen window for an autocovariance: Andrews' (1991) rule with a first-order fit."""
+    """Width [samples] of the Parzen window for an autocovariance: Andrews' (1991) rule with a first-order fit.
+
+    Args:
+        gamma: autocovariance by lag, (lags,).
+    """
     if gamma[0] <= 0:
         return 1
     # The first-order coefficient that has the autocovariance's own decay: its integral up to the first zero crossing.
@@ -106,7 +115,12 @@ def bandwidth(gamma: FloatArray) -> int:
 
 
 def parzen(length: int, width: int) -> FloatArray:
-    """Parzen lag window (length,), nought from ``width`` on."""
+    """Parzen lag window (length,), nought from ``width`` on.
+
+    Args:
+        length: of what is returned.
+        width: from which the window is nought [samples].
+    """
     x = np.arange(length) / width
     inner = 1 - 6 * x**2 + 6 * x**3
     outer = 2 * np.maximum(1 - x, 0.0) ** 3
@@ -114,7 +128,11 @@ def parzen(length: int, width: int) -> FloatArray:
 
 
 def correlation_time(residual: FloatArray) -> float:
-    """Samples that one independent sample of a signal is worth: ``1 + 2 sum rho_k``, tapered; at least one."""
+    """Samples that one independent sample of a signal is worth: ``1 + 2 sum rho_k``, tapered; at least one.
+
+    Args:
+        residual: the signal, (N,).
+    """
     gamma = autocovariance([residual])
     if gamma[0] <= 0:
         return 1.0

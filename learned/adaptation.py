@@ -50,6 +50,12 @@ class RatedPredictor(CurrentPredictor, Protocol):
 class AdaptedModel:
     """A predictor and the current of a payload it does not know; a ``CurrentPredictor``.
 
+    Args:
+        predictor: at the rate of the samples it will be given.
+        robot: that carries the payload.
+        payload: see the attributes.
+        scale: see the attributes.
+
     Attributes:
         predictor: the frozen predictor.
         payload: inertial parameters of what was added to the last link, in its joint's frame, Pinocchio's order, (10,).
@@ -155,7 +161,11 @@ def adapt_payload(
 
 
 def last_link(robot: Robot) -> slice:
-    """Columns of the last link's parameters: the link at the end of the chain, which carries the tool."""
+    """Columns of the last link's parameters: the link at the end of the chain, which carries the tool.
+
+    Args:
+        robot: the robot.
+    """
     last = int(robot.multibody.tree.order[-1])
     return slice(10 * last, 10 * last + 10)
 

@@ -107,7 +107,11 @@ class TrainedModel:
 
 
 def is_trained_model(folder: Path) -> bool:
-    """Tell whether a folder holds the output of training rather than of identification."""
+    """Tell whether a folder holds the output of training rather than of identification.
+
+    Args:
+        folder: that a command wrote.
+    """
     return (folder / WEIGHTS).is_file()
 
 

@@ -98,6 +98,13 @@ def scan(q: Any, dq: Any, thresholds: Any, mode: Any, state: Any, ring: Any, out
     ``state`` (2 + I, n) holds the rows seen of the ring, the last position and the I held values; ``ring``
     (7, n) the last velocities. ``mode`` is (signal, hold). ``out`` (N, I, n) takes the discriminator of each row. A row
     whose signal is NaN changes nothing.
+
+    Args:
+        q, dq: positions and velocities, (N, n).
+        thresholds: of each joint, (I, n).
+        mode: signal and hold by number, (2,).
+        state, ring: memory, changed in place.
+        out: takes the discriminator of each row.
     """
     signal, hold = mode[0], mode[1]
     rows, joints = q.shape
@@ -127,6 +134,10 @@ class MotionDiscriminator:
     """Motion discriminator of an n-joint robot; ``step`` is O(1) a sample, ``run`` takes whole segments.
 
     All values are zero before a joint's first motion and after ``reset``.
+
+    Args:
+        spec: thresholds, and the signal they are held against.
+        n: joints.
     """
 
     def __init__(self, spec: DiscriminatorSpec, n: int) -> None:
@@ -167,6 +178,11 @@ def known_history(q: FloatArray, segments: list[slice], travel: float = 0.005) -
     """Tell where a joint's history is known: (N, n), true once it has moved ``travel`` [rad or m] in its segment.
 
     Before that no discriminator can know which way the joint came to rest.
+
+    Args:
+        q: joint positions, (N, n).
+        segments: rows of each segment.
+        travel: way that counts as motion [rad or m].
     """
     known = np.zeros(q.shape, dtype=np.bool_)
     for rows in segments:

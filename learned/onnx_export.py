@@ -24,7 +24,12 @@ OPSET = 17
 
 
 def export(trained: TrainedModel, path: Path) -> None:
-    """Write the networks of a trained model to ``path``; the physics of a hybrid is not in them."""
+    """Write the networks of a trained model to ``path``; the physics of a hybrid is not in them.
+
+    Args:
+        trained: the networks, as ``LearnedModel.trained`` holds them.
+        path: of the file to write.
+    """
     writer = _Writer()
     shape = trained.architecture
     frames = writer.scale("frames", trained.frame_scaling.mean, trained.frame_scaling.gain, shape.memory)

@@ -83,6 +83,9 @@ def suggested(method: str) -> TrainingOptions:
 
     What physics leaves is mostly noise, so a hybrid has one small network, pulled towards nothing; and since it is no
     method of the paper, it remembers displacements, which do not ring.
+
+    Args:
+        method: one of `learned.networks.METHODS`.
     """
     if method != "hybrid":
         return TrainingOptions()
@@ -101,6 +104,12 @@ class Progress:
     """Where a training stands: stage of stages, epoch of epochs, the losses of the last whole epoch.
 
     Losses are mean squares in units of each joint's deviation, so 1 is no better than the mean.
+
+    Attributes:
+        stage, stages: the network being trained, and how many there are.
+        epoch, epochs: passes done, and at most.
+        loss: of the training frames.
+        validation: loss of the frames held out.
     """
 
     stage: int

@@ -25,7 +25,13 @@ Figures = TypeVar("Figures")
 
 @dataclass(frozen=True)
 class Run:
-    """One training of a sweep; ``name`` is also the folder of its model."""
+    """One training of a sweep; ``name`` is also the folder of its model.
+
+    Attributes:
+        name: of the run, unlike any other's.
+        method: one of `learned.networks.METHODS`.
+        options: how it is trained.
+    """
 
     name: str
     method: str

@@ -138,7 +138,12 @@ def _plan(
 
 
 def validation_figures(model: LearnedModel, logs: Sequence[LogSource]) -> dict[str, list[float | None]]:
-    """RMSE of each joint on logs in the current's unit: of all rows, and of those before and after its first motion."""
+    """RMSE of each joint on logs in the current's unit: of all rows, and of those before and after its first motion.
+
+    Args:
+        model: that was trained.
+        logs: that it was not trained on.
+    """
     squares, counts = np.zeros((2, model.n)), np.zeros((2, model.n))
     for source in logs:
         log = source.read()

@@ -46,6 +46,12 @@ def wrong_latches(
 
     The discriminator is fed as it is online, with motion filtered causally at ``cutoff`` [Hz]; ``travel`` and ``still``
     [rad or m] as in ``count_latches``.
+
+    Args:
+        log: of motion with stops.
+        spec: the discriminator.
+        cutoff: of the causal filter [Hz].
+        travel, still: as in ``count_latches`` [rad or m].
     """
     frames = frames_of(log, log.rate, cutoff)
     return count_latches(frames.motion, frames.segments, spec, log.rate, travel, still)
@@ -65,6 +71,15 @@ def count_latches(
     A joint has stopped when its position stayed within ``still`` [rad or m] for ``seconds``, after it had moved by
     ``travel`` [rad or m] or more since the last stop. ``motion`` is that of a log with those ``segments``, sampled at
     ``rate`` [Hz].
+
+    Args:
+        motion: positions and velocities, (N, n).
+        segments: rows of each segment.
+        spec: the discriminator.
+        rate: samples a second [Hz].
+        travel: way after which a stop counts as a new one [rad or m].
+        still: how far a stopped joint may move [rad or m].
+        seconds: for which it must stay so.
     """
     n = motion.q.shape[1]
     held = MotionDiscriminator(spec, n).run(motion.q, motion.dq, segments)

@@ -128,5 +128,11 @@ class TaskAdmittance:
 
 
 def speed_window(q: FloatArray, limits: JointLimits, margin: float) -> tuple[FloatArray, FloatArray]:
-    """Return the lowest and highest velocity (n,) that still stop a joint short of its position limits."""
+    """Return the lowest and highest velocity (n,) that still stop a joint short of its position limits.
+
+    Args:
+        q: joint positions [rad or m], (n,).
+        limits: of the joints.
+        margin: distance kept from position limits [rad or m].
+    """
     return BRAKE * (limits.lower + margin - q), BRAKE * (limits.upper - margin - q)

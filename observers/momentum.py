@@ -46,7 +46,16 @@ class MomentumObserver(ModelBasedObserver):
 def momentum_scan(
     step: FloatArray, momentum: FloatArray, drive: FloatArray, gain: FloatArray, state: FloatArray, out: FloatArray
 ) -> None:
-    """Go on over rows; ``state`` (3, n) is the residual, and momentum and drive of the row before."""
+    """Go on over rows; ``state`` (3, n) is the residual, and momentum and drive of the row before.
+
+    Args:
+        step: time since the row before [s], (N,); where it is not above 0 the residual begins anew.
+        momentum: generalised momentum, (N, n).
+        drive: what the model says its rate of change is, (N, n).
+        gain: K of each joint [1/s], (n,).
+        state: carried from row to row, changed in place.
+        out: takes the residual, (N, n).
+    """
     for k in range(len(step)):
         for j in range(momentum.shape[1]):
             if step[k] > 0.0:

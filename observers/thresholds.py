@@ -97,7 +97,12 @@ def fit_threshold(
 
 
 def tail_level(peaks: FloatArray, per_hour: float) -> float:
-    """Return the level that peaks (K,), one for every `EPISODE`, exceed ``per_hour`` times an hour."""
+    """Return the level that peaks (K,), one for every `EPISODE`, exceed ``per_hour`` times an hour.
+
+    Args:
+        peaks: greatest residual of each episode.
+        per_hour: how often an hour the level may be exceeded.
+    """
     ordered = np.sort(peaks)
     hours = len(peaks) * EPISODE / 3600.0
     expected = hours * per_hour

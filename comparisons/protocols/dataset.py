@@ -43,7 +43,13 @@ PRESETS: dict[str, dict[str, tuple[str, dict[str, float]]]] = {
 
 @dataclass
 class Recording:
-    """The recording of one protocol, simulated while it is read: a `LogSource` in bounded memory."""
+    """The recording of one protocol, simulated while it is read: a `LogSource` in bounded memory.
+
+    Attributes:
+        virtual: the robot recorded.
+        protocol: the motion.
+        seed: of sensor noise and of the friction it begins with.
+    """
 
     virtual: VirtualRobot
     protocol: Protocol

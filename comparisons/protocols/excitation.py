@@ -19,6 +19,10 @@ def limits(robot: Robot, share: float = 0.8) -> tuple[FloatArray, FloatArray, Fl
     """Return middle and half-range of the positions, speed and acceleration to stay within, (n,) each.
 
     ``share`` of every limit is used; where the robot names none, half a turn, 2.5 rad/s and 10 rad/s^2 are taken.
+
+    Args:
+        robot: whose limits they are.
+        share: of every limit, 0 to 1.
     """
     lower, upper = reach(robot)
     velocity = np.where(np.isfinite(robot.limits.velocity), robot.limits.velocity, SPEED)
@@ -57,6 +61,15 @@ def fourier(
 
     Swevers et al. 1997; the amplitudes fall with the harmonic so that each adds about the same speed.
     ``seconds``, ``seed``, ``rate`` and ``share`` as for `sinusoid`.
+
+    Args:
+        robot: whose limits are kept.
+        seconds: length.
+        seed: draws amplitudes and phases.
+        rate: samples a second [Hz].
+        share: of the limits to use.
+        harmonics: of the series.
+        base: its lowest frequency [Hz].
     """
     rng = np.random.default_rng(seed)
     t, envelope = _time(seconds, rate)

@@ -57,6 +57,13 @@ def stop_and_go(
 
     Joints that have met their goal stand still until all have. Arguments as for `continuous` (the paper's length:
     `HYSTERESIS_FRAMES` at 100 Hz).
+
+    Args:
+        robot: whose limits are kept.
+        seconds: length, unless ``frames`` is given.
+        seed: draws targets and speeds.
+        rate: samples a second [Hz].
+        frames: rows, instead of ``seconds``.
     """
     total = round(seconds * rate) if frames is None else frames
 
@@ -74,6 +81,13 @@ def mixed(
     """The paper's test set: 40 % continuous, then 60 % hysteresis-rich motion; 94,490 rows unless told.
 
     Arguments as for `continuous`.
+
+    Args:
+        robot: whose limits are kept.
+        seconds: length, unless ``frames`` is given.
+        seed: draws the motion.
+        rate: samples a second [Hz].
+        frames: rows, instead of ``seconds``.
     """
     total = round(seconds * rate) if frames is None else frames
     first = round(CONTINUOUS_SHARE * total)

@@ -26,7 +26,13 @@ NOTHING = "–"
 
 @dataclass(frozen=True)
 class Cell:
-    """A table cell: what it shows, the number that sorts its column, if it is one, and whether it stands out."""
+    """A table cell: what it shows, the number that sorts its column, if it is one, and whether it stands out.
+
+    Attributes:
+        text: what it shows.
+        number: by which its column is sorted, None for words.
+        strong: whether it stands out.
+    """
 
     text: str
     number: float | None
@@ -35,7 +41,13 @@ class Cell:
 
 @dataclass
 class Section:
-    """A titled part of a report; ``blocks`` are (kind, content) in the order they were added."""
+    """A titled part of a report; ``blocks`` are (kind, content) in the order they were added.
+
+    Attributes:
+        title: the heading.
+        anchor: to which links point.
+        blocks: what it holds.
+    """
 
     title: str
     anchor: str
@@ -136,7 +148,11 @@ def _inline(text: str) -> Markup:
 
 
 def strong(value: Any) -> Cell:
-    """Return a value as a cell of a table that stands out from the others of its column."""
+    """Return a value as a cell of a table that stands out from the others of its column.
+
+    Args:
+        value: number or text.
+    """
     return dataclasses.replace(_cell(value), strong=True)
 
 

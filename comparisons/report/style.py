@@ -102,7 +102,11 @@ def joint_grid(
 
 
 def new_figure(width: float = 9.0, height: float = 3.5) -> Figure:
-    """Make an empty figure of a size [inch] that arranges itself; no global state of pyplot is touched."""
+    """Make an empty figure of a size [inch] that arranges itself; no global state of pyplot is touched.
+
+    Args:
+        width, height: of the figure [inch].
+    """
     from matplotlib.figure import Figure
 
     with report_style():
@@ -110,7 +114,12 @@ def new_figure(width: float = 9.0, height: float = 3.5) -> Figure:
 
 
 def legend_above(figure: Figure, axis: Axes) -> None:
-    """Put one legend for all panels above them, with the lines of one of them."""
+    """Put one legend for all panels above them, with the lines of one of them.
+
+    Args:
+        figure: with several panels.
+        axis: whose lines are named.
+    """
     handles, labels = axis.get_legend_handles_labels()
     with report_style():
         figure.legend(handles, labels, loc="outside upper right", ncols=len(labels))

@@ -202,6 +202,17 @@ def run_closed_loop(
 
         push = Push(link=3, point=(0.0, 0.0, 0.1), force=(0.0, 20.0, 0.0), start=1.0, duration=2.0)
         log = run_closed_loop(virtual, lambda sample: np.zeros(6), seconds=5.0, disturbances=[push])
+
+    Args:
+        virtual: the robot.
+        controller: takes a sample, returns joint velocities or positions to command, (n,).
+        seconds: how long.
+        disturbances: pushes at links and hands that hold the tool.
+        start: joint positions to begin at, at rest (n,); default zero, moved inside the limits.
+        rate: samples and commands a second [Hz].
+        mode: what the controller commands.
+        seed: draws the noise and the friction stored at the start.
+        derivatives: see `ClosedLoop.run`.
     """
     loop = ClosedLoop(virtual, start, rate, mode, disturbances, seed)
     return loop.run(controller, seconds, derivatives)

@@ -115,6 +115,9 @@ def built_in_scenarios() -> list[str]:
 def load_scenario(scenario: str | Path) -> Scenario:
     """Load a scenario by built-in name (``vs060``, ``generic``, ``quiet``) or by the path of a TOML file.
 
+    Args:
+        scenario: name or path.
+
     Raises:
         InputError: no such scenario, or a file that does not hold one.
     """

@@ -43,7 +43,13 @@ class Shape:
 
 @dataclass(frozen=True)
 class Coefficient:
-    """A parameter in which the current is linear; ``{current}`` in its unit stands for the model's force unit."""
+    """A parameter in which the current is linear; ``{current}`` in its unit stands for the model's force unit.
+
+    Attributes:
+        name: of the parameter within its effect.
+        unit: with the placeholders ``{current}`` and ``{angle}``.
+        lower: physical bound, minus infinity where there is none.
+    """
 
     name: str
     unit: str
@@ -234,5 +240,9 @@ class Term:
 
 
 def initial_term(effect: Effect) -> Term:
-    """Return the effect with its shape parameters at their first starts and no coefficients yet."""
+    """Return the effect with its shape parameters at their first starts and no coefficients yet.
+
+    Args:
+        effect: of the catalogue, or one's own.
+    """
     return Term(effect, np.array([s.starts[0] for s in effect.shapes], dtype=float))

@@ -125,7 +125,12 @@ class GearRipple(Effect):
 
 
 def most_of_gears(survey: Survey, joint: int) -> float:
-    """Return the repeats a turn of a joint up to which its gear is looked for."""
+    """Return the repeats a turn of a joint up to which its gear is looked for.
+
+    Args:
+        survey: what is known of robot and logs.
+        joint: from 0.
+    """
     ratio = survey.robot.gear_ratio
     return GEAR_HARMONICS * (USUAL_RATIO if ratio is None else max(abs(float(ratio[joint])), 2.0))
 
