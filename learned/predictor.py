@@ -9,10 +9,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ident.arrays import FloatArray
-from ident.causal import CausalDerivatives
 from ident.errors import InputError
 from ident.log import JointLog, Sample
 from ident.predictor import CurrentPredictor
+from learned.gaps import OnlineMotion, stretches
 from learned.model_file import PHYSICS, TrainedModel
 from learned.runtime import DenseRuntime
 from learned.runtime_lstm import LstmRuntime
@@ -26,7 +26,9 @@ class LearnedModel:
     """Predicts the motor currents of a robot that touches nothing; a ``CurrentPredictor``.
 
     The networks were trained on motion from the causal filters that run online, so ``predict`` uses those whether it is
-    asked to be causal or not. ``step`` and ``predict`` give the same bits where the physical model does.
+    asked to be causal or not. ``step`` and ``predict`` give the same bits where the physical model does. After a gap in
+    time that those filters do not bridge the memory begins anew, and until they have settled the prediction is NaN (see
+    `learned.gaps`).
 
     Args:
         trained: the networks.
@@ -41,7 +43,7 @@ class LearnedModel:
         self.factor = factor
         lstm = trained.architecture.method == "lstm"
         self._runtime: DenseRuntime | LstmRuntime = LstmRuntime(trained) if lstm else DenseRuntime(trained)
-        self._filters = CausalDerivatives(trained.rate * factor, trained.cutoff, self.n)
+        self._motion = OnlineMotion(trained.rate * factor, trained.cutoff, self.n)
         self.reset()
 
     @property
@@ -77,15 +79,18 @@ class LearnedModel:
     def reset(self) -> None:
         """Forget all memory, as at the start of a log or segment."""
         self._runtime.reset()
-        self._filters.reset()
+        self._motion.reset()
         self._count = 0
         self._held = np.full(self.n, np.nan)
         if self.physics is not None:
             self.physics.reset()
 
     def step(self, sample: Sample) -> FloatArray:
-        """Predict the current (n,) at one sample; NaN while the window holds a sample that was NaN."""
-        q, dq, ddq = self._filters.step(sample.t, sample.q, sample.dq, sample.ddq)
+        """Predict the current (n,) at one sample; NaN while the window holds a sample that was NaN, or after a gap."""
+        q, dq, ddq = self._motion.step(sample)
+        if self._motion.restarted:
+            self._runtime.reset()
+            self._count = 0
         if self._count % self.factor == 0:
             self._held = self._runtime.step(q, dq, ddq)
         self._count += 1
@@ -103,7 +108,7 @@ class LearnedModel:
         predicted = self._runtime.run(frames_of(log, self.trained.rate, self.trained.cutoff))
         factor = decimation(log, self.trained.rate)
         if factor > 1:
-            predicted = _hold(predicted, log, factor)
+            predicted = _hold(predicted, stretches(log, self.cutoff), factor)
         return predicted if self.physics is None else predicted + self.physics.predict(log, causal=True)
 
     def at_rate(self, rate: float) -> LearnedModel:
@@ -183,11 +188,11 @@ class LearnedModel:
         return model
 
 
-def _hold(predicted: FloatArray, log: JointLog, factor: int) -> FloatArray:
-    """Repeat predictions at the model's rate until the next one, row for row with the log."""
-    out = np.empty((len(log), predicted.shape[1]))
+def _hold(predicted: FloatArray, parts: list[slice], factor: int) -> FloatArray:
+    """Repeat predictions at the model's rate until the next one, row for row with a log of these ``parts``."""
+    out = np.empty((parts[-1].stop if parts else 0, predicted.shape[1]))
     first = 0
-    for rows in log.segments():
+    for rows in parts:
         length = rows.stop - rows.start
         kept = -(-length // factor)
         out[rows] = np.repeat(predicted[first : first + kept], factor, axis=0)[:length]

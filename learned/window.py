@@ -17,6 +17,7 @@ from ident.causal import CausalDerivatives
 from ident.errors import InputError
 from ident.log import JointLog
 from ident.signals import Motion
+from learned.gaps import stretches, unsettled
 
 Float32Array = npt.NDArray[np.float32]
 
@@ -69,9 +70,9 @@ class Frames:
 
     Attributes:
         motion: t, q, dq, ddq of the kept rows.
-        segments: rows of each segment among the kept rows.
+        segments: rows of each segment among the kept rows; a gap in time begins a new one.
         rows: row of the log that each kept row is.
-        finite: rows whose motion is known.
+        finite: rows whose motion is known; after a gap dq and ddq are NaN for a while (see `learned.gaps`).
     """
 
     motion: Motion
@@ -115,7 +116,8 @@ def frames_of(log: JointLog, rate: float, cutoff: float) -> Frames:
     motion = Motion(log.t, *np.empty((3, *log.q.shape)))
     rows, segments = [], []
     first = 0
-    for segment in log.segments():
+    early = unsettled(log, rate * factor, cutoff)
+    for segment in stretches(log, cutoff):
         part = log[segment]
         filters.reset()
         motion.q[segment], motion.dq[segment], motion.ddq[segment] = filters.run(part.t, part.q, part.dq, part.ddq)
@@ -123,6 +125,7 @@ def frames_of(log: JointLog, rate: float, cutoff: float) -> Frames:
         rows.append(kept)
         segments.append(slice(first, first + len(kept)))
         first += len(kept)
+    motion.dq[early] = motion.ddq[early] = np.nan
     at = np.concatenate(rows) if rows else np.zeros(0, dtype=np.int64)
     kept_motion = motion
     if factor > 1:

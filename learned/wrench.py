@@ -14,11 +14,11 @@ from typing import TYPE_CHECKING, Literal
 import numpy as np
 
 from ident.arrays import FloatArray
-from ident.causal import CausalDerivatives
 from ident.errors import InputError
 from ident.log import JointLog, LogSource, Sample
 from ident.signals import Motion
 from learned.dataset import Dataset
+from learned.gaps import OnlineMotion
 from learned.model_file import TrainedModel
 from learned.motion_discriminator import DiscriminatorSpec
 from learned.networks import Architecture
@@ -49,7 +49,7 @@ class WrenchModel:
         self.trained = trained
         self.predictor = predictor
         self._runtime = DenseRuntime(trained)
-        self._filters = CausalDerivatives(trained.rate, trained.cutoff, len(trained.joints))
+        self._motion = OnlineMotion(trained.rate, trained.cutoff, len(trained.joints))
 
     @property
     def scheme(self) -> Scheme:
@@ -64,13 +64,15 @@ class WrenchModel:
     def reset(self) -> None:
         """Forget all memory, as at the start of a segment."""
         self._runtime.reset()
-        self._filters.reset()
+        self._motion.reset()
         if self.predictor is not None:
             self.predictor.reset()
 
     def step(self, sample: Sample) -> FloatArray:
         """Estimate the wrench (6,) at one sample at the model's rate."""
-        q, dq, _ = self._filters.step(sample.t, sample.q, sample.dq, sample.ddq)
+        q, dq, _ = self._motion.step(sample)
+        if self._motion.restarted:
+            self._runtime.reset()
         signal = sample.current if self.predictor is None else sample.current - self.predictor.step(sample)
         return self._runtime.step(signal, q, dq)
 
