@@ -12,7 +12,10 @@ from comparisons.progress import show_progress
 from ident.errors import InputError
 
 if TYPE_CHECKING:
+    from collections.abc import Mapping
+
     from ident.gap import GapReport
+    from ident.log import JointLog
 
 Many = Parameter(consume_multiple=True)
 
@@ -56,6 +59,7 @@ def gap_into(
     output: OutputDirectory, robot: str, train: list[str], test: list[str], model: Path | None, cutoff: float | None
 ) -> GapReport:
     """Run the workflow and write everything into an output directory; shared with ``sensorless demo``."""
+    from comparisons.protocols.experiments import Experiments
     from comparisons.report.gap import gap_report
     from comparisons.report.provenance import provenance
     from ident.gap import baseline_model, find_gap
@@ -72,15 +76,29 @@ def gap_into(
     logs, held_out = open_logs(train, loaded), open_logs(test, loaded)
     with show_progress() as progress:
         start = baseline_model(loaded, logs, cutoff, progress) if known is None else known
-        found = find_gap(start, logs, held_out, refit=known is None, progress=progress)
+        motions = Experiments(loaded)
+        found = find_gap(start, logs, held_out, known is None, progress, motions)
         progress("predicting", 0.0)
         figures = write_both(found, held_out, output.path)
         progress("predicting", 1.0)
     save_model(found.model, output.path)
+    write_experiments(found, motions, output.path / "experiments")
     note = provenance([*train, *test])
     output.result({**gap_result(found), **figures, "provenance": note.to_dict()})
     gap_report(found, held_out, note).write(output.path / "report.html")
     return found
+
+
+def write_experiments(found: GapReport, motions: Mapping[str, JointLog], folder: Path) -> None:
+    """Write the motions that would settle what is open as ``<motion>.csv``: t and commanded positions q1..qn."""
+    import numpy as np
+
+    for name in dict.fromkeys(name for finding in found.findings for name in finding.motions):
+        folder.mkdir(parents=True, exist_ok=True)
+        log = motions[name]
+        head = ",".join(["t", *(f"q{j + 1}" for j in range(log.q.shape[1]))])
+        table = np.column_stack([log.t, log.q])
+        np.savetxt(folder / f"{name}.csv", table, fmt="%.6f", delimiter=",", header=head, comments="")
 
 
 def write_both(found: GapReport, logs: list[Any], folder: Path) -> dict[str, Any]:

@@ -22,6 +22,7 @@ from joblib import Parallel, delayed
 from comparisons.cluster import workers
 from comparisons.hidden_effects.benchmark_page import page, plots, results
 from comparisons.hidden_effects.measured import FOLDER, MeasuredTask, measured_tasks
+from comparisons.hidden_effects.styles import STYLES
 from comparisons.hidden_effects.suites import KINDS, SUITES, Sizes, Suite, Task, shuffled, tasks
 from comparisons.hidden_effects.work import METHODS, whole, work
 from comparisons.output import to_json
@@ -44,6 +45,7 @@ def benchmark(
     mixtures: int | None = None,
     nothing: int | None = None,
     robots: Annotated[tuple[str, ...], SEVERAL] = (),
+    styles: Annotated[tuple[str, ...], SEVERAL] = (),
     only: Annotated[tuple[str, ...], SEVERAL] = (),
     methods: Annotated[tuple[str, ...], SEVERAL] = METHODS,
     measured: Path | None = None,
@@ -61,6 +63,8 @@ def benchmark(
         mixtures: pairs, and as many triples, at each severity from one.
         nothing: cases in which nothing is hidden.
         robots: vs060, ur10, panda, xarm7.
+        styles: how they are moved and logged, taken in turn: usual, 500Hz, 50Hz, fourier, sinusoid, short,
+            stop-and-go, noisy; all for every one of them.
         only: sets of cases (single, changed, pair, triple, nothing, foreign, measured) or names of effects.
         methods: who is asked.
         measured: folder of measured logs for half measured cases; default: the environment's SENSORLESS_MEASURED.
@@ -70,6 +74,9 @@ def benchmark(
         raise InputError(f"no method {unknown[0]}", "--methods", f"give some of: {', '.join(METHODS)}")
     if any("pysindy" in m for m in methods) and find_spec("pysindy") is None:
         raise InputError("pysindy is not installed", "--methods", 'pip install "sensorless[bench]", or leave it out')
+    strange = [s for s in styles if s not in (*STYLES, "all")]
+    if strange:
+        raise InputError(f"no style {strange[0]}", "--styles", f"give some of: {', '.join(STYLES)}, or all")
     usual = SUITES[suite]
     sizes = Sizes(
         usual.per_effect if per_effect is None else per_effect,
@@ -77,6 +84,7 @@ def benchmark(
         usual.mixtures if mixtures is None else mixtures,
         usual.nothing if nothing is None else nothing,
         robots or usual.robots,
+        tuple(STYLES) if "all" in styles else styles or usual.styles,
     )
     folder = measured or (Path(os.environ[FOLDER]) if FOLDER in os.environ else None)
     listed = _chosen([*tasks(sizes, seed), *measured_tasks(folder, seed)], only)

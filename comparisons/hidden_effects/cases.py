@@ -15,7 +15,7 @@ from scipy.signal import lfilter
 
 from comparisons.hidden_effects import foreign  # noqa: F401  (enters the foreign laws)
 from comparisons.hidden_effects.laws import FOREIGN, LAWS, Scene, sign
-from comparisons.protocols import named
+from comparisons.hidden_effects.styles import STYLES, reference
 from comparisons.virtual_robot.figures import usual_torque
 from comparisons.virtual_robot.load import perturbed
 from ident.arrays import FloatArray
@@ -23,7 +23,6 @@ from ident.log import JointLog
 from ident.robot import Robot, load_robot
 from ident.signals import zero_phase
 
-RATE = 100.0
 ROBOTS = {
     "ur10": "ur_description/urdf/ur10_robot.urdf",
     "panda": "panda_description/urdf/panda.urdf",
@@ -33,9 +32,6 @@ PANDA_JOINTS = [f"panda_joint{k}" for k in range(1, 8)]
 WHOLE_ROBOT = ("payload", "base-tilt", "delay", "filter-lag")
 CHANGES = ("payload", "drive-gain", "rotor-inertia", "current-offset")
 """Effects that a refitted baseline absorbs: they show against a model that was identified before the change."""
-
-PIECES = (("fourier", 40.0), ("slow", 25.0), ("stop_and_go", 25.0))
-"""What every log consists of: kind of motion and seconds."""
 
 
 @dataclass(frozen=True)
@@ -53,7 +49,10 @@ class Hidden:
 
 @dataclass(frozen=True)
 class Case:
-    """What is hidden in which robot; ``changed`` asks what changed since a model was identified."""
+    """What is hidden in which robot, moved and logged in a style of `STYLES`.
+
+    ``changed`` asks what changed since a model was identified.
+    """
 
     robot: str
     hidden: tuple[Hidden, ...]
@@ -61,12 +60,14 @@ class Case:
     changed: bool = False
     noise: float = 0.02
     gains_known: bool = False
+    style: str = "usual"
 
     @property
     def name(self) -> str:
         """A name that says all of it."""
         parts = [f"{h.effect}@{'all' if h.joint is None else h.joint + 1}x{h.severity:g}" for h in self.hidden]
-        return "-".join([self.robot, *(parts or ["nothing"]), f"s{self.seed}"])
+        style = [] if self.style == "usual" else [self.style]
+        return "-".join([self.robot, *style, *(parts or ["nothing"]), f"s{self.seed}"])
 
 
 @dataclass(frozen=True, eq=False)
@@ -120,12 +121,19 @@ def _gain(robot: Robot) -> FloatArray:
 
 def make(case: Case) -> Made:
     """Build the logs of a case."""
-    return _Maker(case).make()
+    return Maker(case).make()
 
 
-class _Maker:
+class Maker:
+    """Builds a case, step by step.
+
+    Args:
+        case: what is hidden where.
+    """
+
     def __init__(self, case: Case) -> None:
         self.case = case
+        self.style = STYLES[case.style]
         self.robot = robot_of(case.robot, case.gains_known)
         self.seed = int(hashlib.sha256(case.name.encode()).hexdigest()[:8], 16)
         rng = np.random.default_rng(self.seed)
@@ -140,6 +148,7 @@ class _Maker:
         self.rng = rng
 
     def make(self) -> Made:
+        """Build its logs."""
         scenes = [self.scene(k) for k in range(4)]
         clean_scenes = [self.scene(10 + k) for k in range(3)] if self.case.changed else []
         usual = np.sqrt(np.mean(np.concatenate([s.known for s in scenes[:3]]) ** 2, axis=0))
@@ -158,6 +167,7 @@ class _Maker:
         )
 
     def effect(self, hidden: Hidden, scene: Scene, strength: float) -> tuple[FloatArray, dict[str, float]]:
+        """Force (N, n) of a hidden effect at a strength, and its true parameters."""
         found = {**LAWS, **FOREIGN}[hidden.effect]
         rng = np.random.default_rng([self.seed, len(hidden.effect), 0 if hidden.joint is None else hidden.joint])
         return found(scene, 0 if hidden.joint is None else hidden.joint, strength, rng)
@@ -205,6 +215,7 @@ class _Maker:
         return float(np.sqrt(np.mean(left**2)))
 
     def scene(self, number: int) -> Scene:
+        """What laws see of the log of that number."""
         q, dq, ddq, t, start = self.motion(number)
         torque = self.robot.rigid_body.inverse_dynamics(q, dq, ddq, self.parameters)
         known = torque + self.rotor * ddq + self.coulomb * sign(dq) + self.viscous * dq + self.offset
@@ -213,12 +224,14 @@ class _Maker:
         )
 
     def motion(self, number: int) -> tuple[FloatArray, ...]:
+        """Positions, velocities, accelerations (N, n), time stamps (N,), and one where a segment starts (N,)."""
         parts, clock = [], 0.0
-        for k, (kind, seconds) in enumerate(PIECES):
+        rate = self.style.rate
+        for k, (kind, seconds) in enumerate(self.style.pieces):
             seed = 1000 * self.case.seed + 10 * number + k
-            path = _slow(self.robot, seconds, seed) if kind == "slow" else _reference(self.robot, kind, seconds, seed)
-            t = np.arange(len(path)) / RATE
-            smooth = zero_phase(path, RATE, 4.0)
+            path = reference(self.robot, kind, seconds, seed, rate)
+            t = np.arange(len(path)) / rate
+            smooth = zero_phase(path, rate, 4.0)
             spline = CubicSpline(t, smooth)
             velocity = CubicSpline(t, spline(t, 1))
             start = np.zeros(len(t))
@@ -228,31 +241,17 @@ class _Maker:
         return tuple(np.concatenate([p[k] for p in parts]) for k in range(5))
 
     def log(self, s: Scene, force: FloatArray, noise: FloatArray, number: int) -> JointLog:
+        """Log a scene as the robot's sensors see it, with a hidden force."""
         rng = np.random.default_rng([self.seed, number, 5])
         white = rng.standard_normal(s.q.shape)
-        pole = np.exp(-1.0 / (RATE * 0.08))
+        pole = np.exp(-1.0 / (self.style.rate * 0.08))
         slow = lfilter([np.sqrt(1.0 - pole**2)], [1.0, -pole], rng.standard_normal(s.q.shape), axis=0)
         current = (s.known + force + noise * (np.sqrt(0.6) * white + np.sqrt(0.4) * slow)) / self.gain
         counts = 2.0 * np.pi / (8192.0 * 100.0)
-        seen = np.round(s.q / counts) * counts
+        style = self.style
+        noisy = s.q + (style.position_noise * rng.standard_normal(s.q.shape) if style.position_noise else 0.0)
+        seen = np.round(noisy / counts) * counts
+        speed = None if style.velocity_noise is None else s.dq + style.velocity_noise * rng.standard_normal(s.q.shape)
+        t = s.t + np.clip(style.jitter * rng.standard_normal(len(s.t)), -0.4, 0.4) / style.rate
         segment = np.cumsum(s.start).astype(np.int64) - 1
-        return JointLog(t=s.t, q=seen, current=current, segment=segment, name=f"log_{number}")
-
-
-def _reference(robot: Robot, kind: str, seconds: float, seed: int) -> FloatArray:
-    protocol = named(kind)(robot, seconds=seconds, seed=seed, rate=RATE)
-    return np.concatenate([block.q for block in protocol.blocks()])
-
-
-def _slow(robot: Robot, seconds: float, seed: int) -> FloatArray:
-    """Slow wandering of all joints with many reversals, at up to 0.1 rad/s, from rest to rest."""
-    rng = np.random.default_rng(seed)
-    t = np.arange(round(seconds * RATE)) / RATE
-    lower, upper = np.maximum(robot.limits.lower, -2.5), np.minimum(robot.limits.upper, 2.5)
-    middle = 0.5 * (lower + upper) + 0.2 * (upper - lower) * rng.uniform(-1, 1, robot.n)
-    waves = np.zeros((len(t), robot.n))
-    for period in (3.1, 7.3, 16.0):
-        waves += 0.03 * period / (2 * np.pi) * np.sin(2 * np.pi * t[:, None] / period + rng.uniform(0, 6, robot.n))
-    fade = np.clip(np.minimum(t, t[-1] - t), 0.0, 1.5) / 1.5
-    path: FloatArray = middle + waves * (fade * fade * (3 - 2 * fade))[:, None]
-    return path
+        return JointLog(t=t, q=seen, current=current, dq=speed, segment=segment, name=f"log_{number}")

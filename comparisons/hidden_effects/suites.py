@@ -28,6 +28,7 @@ class Sizes:
         mixtures: pairs, and as many triples, at each severity from one.
         nothing: cases in which nothing is hidden; every fourth asks what changed.
         robots: their names, taken in turn.
+        styles: how they are moved and logged, of `STYLES`, taken in turn.
     """
 
     per_effect: int
@@ -35,6 +36,7 @@ class Sizes:
     mixtures: int
     nothing: int
     robots: tuple[str, ...]
+    styles: tuple[str, ...] = ("usual",)
 
 
 SUITES = {
@@ -86,7 +88,8 @@ def _singles(kind: str, effects: Sequence[str], sizes: Sizes, seed: int) -> Iter
             joint = (first // 7 + 2 * number) % robot_of(robot).n
             for severity in sizes.severities:
                 hidden = Hidden(effect, None if effect in WHOLE_ROBOT else joint, severity)
-                case = Case(robot, (hidden,), 1000 * seed + number, changed=effect in CHANGES)
+                style = sizes.styles[(first // 3 + number) % len(sizes.styles)]
+                case = Case(robot, (hidden,), 1000 * seed + number, changed=effect in CHANGES, style=style)
                 yield Task(kind, case)
 
 
@@ -101,11 +104,13 @@ def _mixtures(kind: str, count: int, sizes: Sizes, seed: int) -> Iterator[Task]:
                 Hidden(name, None if name in WHOLE_ROBOT else joint, severity)
                 for name, joint in zip(names, joints, strict=True)
             )
-            yield Task(kind, Case(robot, hidden, 1000 * seed + 300 + number))
+            style = sizes.styles[number % len(sizes.styles)]
+            yield Task(kind, Case(robot, hidden, 1000 * seed + 300 + number, style=style))
 
 
 def _nothing(sizes: Sizes, seed: int) -> Iterator[Task]:
     for number in range(sizes.nothing):
         robot = sizes.robots[(number + seed) % len(sizes.robots)]
-        case = Case(robot, (), 1000 * seed + 500 + number)
+        style = sizes.styles[number // len(sizes.robots) % len(sizes.styles)]
+        case = Case(robot, (), 1000 * seed + 500 + number, style=style)
         yield Task("nothing", replace(case, changed=True) if number % 4 == 3 else case)

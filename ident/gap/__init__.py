@@ -9,6 +9,7 @@
 """
 
 from ident.gap.baseline import baseline_model
-from ident.gap.workflow import Finding, GapReport, Unexplained, find_gap
+from ident.gap.report import Finding, GapReport, Unexplained
+from ident.gap.workflow import find_gap
 
 __all__ = ["Finding", "GapReport", "Unexplained", "baseline_model", "find_gap"]

@@ -9,7 +9,7 @@ import numpy as np
 
 from ident.arrays import BoolArray, FloatArray, IntArray
 from ident.effects.base import Effect, Survey
-from ident.gap.candidates import Trial, admissible, best_trials, forms, refine, with_errors
+from ident.gap.candidates import Trial, admissible, best_trials, forms, refine, usable, with_errors
 from ident.gap.gate import Gate
 from ident.gap.panel import Errors, JointProblem, Panel
 from ident.uncertainty import correlation_time
@@ -76,7 +76,8 @@ class JointGap:
     def problem(self, panel: Panel, named: Sequence[Trial] = ()) -> JointProblem:
         """The regression with effects named so far among the baseline's columns."""
         plain = JointProblem(self.matrix, self.target, panel.fold, self.keep)
-        columns = [_whole(panel, plain, trial, self.joint) for trial in named]
+        found = [usable(panel, plain, trial.effect, trial.shape, self.joint) for trial in named]
+        columns = [whole[:, used] for whole, used in found]
         return JointProblem(np.hstack([self.matrix, *columns]), self.target, panel.fold, self.keep)
 
 
@@ -225,12 +226,3 @@ def _pruned(panel: Panel, gap: JointGap, named: list[Named]) -> list[Named]:
 
 def _kind(effect: Effect) -> tuple[type[Effect], int]:
     return type(effect), getattr(effect, "source", 0)
-
-
-def _whole(panel: Panel, problem: JointProblem, trial: Trial, joint: int) -> FloatArray:
-    """Columns (N, k) in all rows, of which the admissible ones are kept."""
-    columns = panel.columns(trial.effect, trial.shape, joint)
-    lower = np.array([c.lower for c in trial.effect.coefficients(panel.robot)])
-    kept = problem.admissible(columns[problem.keep], lower)
-    same = [any(np.array_equal(columns[problem.keep, i], k) for k in kept.T) for i in range(columns.shape[1])]
-    return columns[:, np.array(same, dtype=bool)]

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ident.arrays import FloatArray
+from ident.arrays import BoolArray, FloatArray
 from ident.effects import load_catalogue
 from ident.effects.base import Effect, Shape, Survey
 from ident.gap.gate import Gate
@@ -65,11 +65,27 @@ def grid(shapes: Sequence[Shape]) -> Iterator[FloatArray]:
         yield np.array(values, dtype=float)
 
 
-def admissible(panel: Panel, problem: JointProblem, effect: Effect, shape: FloatArray, joint: int) -> FloatArray:
-    """Columns (N, k) of an effect in a joint's rows, without those whose coefficients would break their bounds."""
-    columns = panel.columns(effect, shape, joint)[problem.keep]
+def usable(
+    panel: Panel, problem: JointProblem, effect: Effect, shape: FloatArray, joint: int
+) -> tuple[FloatArray, BoolArray]:
+    """Columns (N, k) of an effect in all of a joint's rows, and those (k,) whose coefficients keep to their bounds."""
+    columns = panel.columns(effect, shape, joint)
     lower = np.array([c.lower for c in effect.coefficients(panel.robot)])
-    return problem.admissible(columns, lower)
+    return columns, problem.admissible(columns[problem.keep], lower)
+
+
+def admissible(panel: Panel, problem: JointProblem, effect: Effect, shape: FloatArray, joint: int) -> FloatArray:
+    """Columns (N, k) of an effect in a problem's rows, without those whose coefficients would break their bounds."""
+    columns, used = usable(panel, problem, effect, shape, joint)
+    return columns[problem.keep][:, used]
+
+
+def coefficients(panel: Panel, problem: JointProblem, trial: Trial, joint: int) -> FloatArray:
+    """Linear parameters (k,) of a trial fitted to a problem's rows; those at their bounds are nought."""
+    columns, used = usable(panel, problem, trial.effect, trial.shape, joint)
+    values = np.zeros(columns.shape[1])
+    values[used] = problem.fit(columns[problem.keep][:, used])[problem.matrix.shape[1] :]
+    return values
 
 
 def screen(panel: Panel, gate: Gate, effect: Effect, joint: int) -> Trial:

@@ -9,8 +9,10 @@ surrogates' best (max-T, Westfall and Young 1993), extrapolated by a Gumbel law 
 from __future__ import annotations
 
 import itertools
+from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 
 from ident.arrays import FloatArray, IntArray
 from ident.gap.panel import Float32Array, JointProblem, sizes
@@ -45,7 +47,7 @@ class Gate:
         used = size > 1e-3
         if not used.any():
             return 0.0, 0.0
-        own = np.linalg.qr(own[:, used] / size[used])[0].T
+        own = orthonormal(own[:, used] / size[used]).T
         drop = float(np.sum((own @ self.residual) ** 2))
         chance = np.sum((own @ self.surrogates) ** 2, axis=0)
         mean = float(chance.mean())
@@ -65,7 +67,7 @@ class Gate:
         used = size > 1e-6 * np.maximum(sizes(columns), 1e-300)
         if not used.any():
             return 0.0
-        own = np.linalg.qr(own[:, used] / size[used])[0]
+        own = orthonormal(own[:, used] / size[used])
         part = own.T @ self.problem.residual
         rng = np.random.default_rng(len(columns))
         drawn = surrogates(self.problem.residual - own @ part, self.starts, SURROGATES, rng)
@@ -81,6 +83,15 @@ class Gate:
         place = float(self.largest.mean()) - EULER * scale
         tail = float(-np.expm1(-np.exp(-(statistic - place) / scale)))
         return max(tail, 1e-6)
+
+
+def orthonormal(columns: npt.NDArray[Any]) -> npt.NDArray[Any]:
+    """Orthonormal columns (N, k) that span few columns of unit length (N, k); by Cholesky, as N is large."""
+    if columns.shape[1] == 1:
+        return columns
+    gram = columns.T.astype(np.float64) @ columns
+    root = np.linalg.cholesky(gram + 1e-7 * np.eye(len(gram)))
+    return np.asarray(columns @ np.linalg.inv(root).T.astype(columns.dtype))
 
 
 def surrogates(residual: FloatArray, starts: IntArray, count: int, rng: np.random.Generator) -> Float32Array:

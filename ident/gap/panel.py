@@ -200,18 +200,18 @@ class JointProblem:
         left: FloatArray = columns - self.basis @ (self.basis.T @ columns)
         return left
 
-    def admissible(self, columns: FloatArray, lower: FloatArray) -> FloatArray:
-        """Those of the columns (N, k) whose coefficients keep to their lower bounds (k,) of nought or -inf."""
+    def admissible(self, columns: FloatArray, lower: FloatArray) -> BoolArray:
+        """Which (k,) of columns (N, k) have coefficients that keep to their lower bounds (k,) of nought or -inf."""
+        used = np.ones(columns.shape[1], dtype=bool)
         bounded = np.isfinite(lower)
-        while columns.shape[1] and bounded.any():
-            found = self.fit(columns)[self.matrix.shape[1] :]
-            wrong = bounded & (found < 0.0)
+        while (used & bounded).any():
+            found = np.zeros(len(used))
+            found[used] = self.fit(columns[:, used])[self.matrix.shape[1] :]
+            wrong = used & bounded & (found < 0.0)
             if not wrong.any():
                 break
-            worst = int(np.argmin(np.where(wrong, found * sizes(columns), np.inf)))
-            wrong = np.arange(len(found)) == worst
-            columns, bounded = columns[:, ~wrong], bounded[~wrong]
-        return columns
+            used[int(np.argmin(np.where(wrong, found * sizes(columns), np.inf)))] = False
+        return used
 
     def drop(self, columns: FloatArray) -> float:
         """Fall of the squared residual when columns (N, k) are fitted besides the baseline."""

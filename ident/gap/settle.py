@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
@@ -10,6 +10,7 @@ from ident.arrays import FloatArray
 from ident.effects import load_catalogue
 from ident.gap.attribute import JointGap, Named
 from ident.gap.candidates import Trial, admissible
+from ident.gap.experiment import Experiment
 from ident.gap.panel import JointProblem, Panel
 
 CERTAIN = 2.33
@@ -47,14 +48,17 @@ MOTIONS = {
 """Protocol, and in words, that tells two effects apart."""
 
 
-def alternatives(panel: Panel, gap: JointGap, named: Sequence[Named], one: Named) -> list[str]:
-    """Names that the rows cannot tell from one of a joint's names, most likely first."""
+def alternatives(panel: Panel, gap: JointGap, named: Sequence[Named], one: Named) -> dict[str, Trial | None]:
+    """Names that the rows cannot tell from one of a joint's names, most likely first, with their fitted shapes.
+
+    None stands for a name that no motion tells from it.
+    """
     others = [n.trial for n in named if n is not one]
     problem = gap.problem(panel, others)
     before = problem.errors().total
     own = _held_out(panel, problem, one.trial, gap.joint)
     explained = before - float(own @ own)
-    found: dict[str, None] = {}
+    found: dict[str, Trial | None] = {}
     if one.effect.name in TWINS and panel.robot.gear_ratio is None:
         found[TWINS[one.effect.name]] = None
     taken = {n.effect.name for n in named}
@@ -66,27 +70,34 @@ def alternatives(panel: Panel, gap: JointGap, named: Sequence[Named], one: Named
         if gain <= 0.5 * explained:
             continue
         if gain >= LAW * explained or not _beats(own, left):
-            found[rival.effect.name] = None
-    return list(found)
+            found.setdefault(rival.effect.name, rival)
+    return found
 
 
 TWINS = {"gear-ripple": "cogging", "cogging": "gear-ripple"}
 """The same columns: only the gear ratio tells one from the other."""
 
 
-def next_experiment(name: str, others: Sequence[str]) -> str | None:
-    """The motion that would separate a name from its alternatives; None where there are none."""
-    if not others:
-        return None
+def next_experiment(name: str, others: Mapping[str, Experiment | None]) -> str | None:
+    """Say which motions would separate a name from its alternatives; None where there are none.
+
+    Args:
+        name: the name.
+        others: the alternatives, with the motion on which they differ most; None where none is known.
+    """
     catalogue = load_catalogue()
     said = []
-    for other in others:
-        if frozenset({name, other}) in MOTIONS:
+    for other, found in others.items():
+        if found is not None:
+            times = f"{found.ratio:.2g} times what is left"
+            enough = "" if found.settles else ", the most of all motions tried, and too little to be sure of either law"
+            said.append(f"{found.motion}: on it {name} and {other} differ by {times}{enough}")
+        elif frozenset({name, other}) in MOTIONS:
             protocol, words = MOTIONS[frozenset({name, other})]
             said.append(f"{protocol}: {words} ({name} or {other})")
         else:
             said.append(f"{catalogue[name].excitation}; {catalogue[other].excitation} ({name} or {other})")
-    return "; ".join(dict.fromkeys(said))
+    return "; ".join(dict.fromkeys(said)) or None
 
 
 def _held_out(panel: Panel, problem: JointProblem, trial: Trial, joint: int) -> FloatArray:

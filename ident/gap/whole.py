@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -12,6 +12,7 @@ from ident.effects.base import Effect, Survey
 from ident.gap.attribute import GAIN, LEVEL, JointGap, Search
 from ident.gap.candidates import forms, grid
 from ident.gap.panel import JointProblem, Panel
+from ident.gap.settle import LAW
 
 SHARE = 0.85
 """Share of what the best effects of single joints explain, together, that one cause of the whole robot must."""
@@ -31,6 +32,7 @@ class Whole:
         held_out: squared residuals (n, folds) with it.
         likelihood: gain in log-likelihood on held-out rows, all joints together.
         p_value: chance of so good a candidate where there is nothing.
+        alternatives: names that explain nearly as much.
     """
 
     effect: Effect
@@ -39,12 +41,13 @@ class Whole:
     held_out: FloatArray
     likelihood: float
     p_value: float = 1.0
+    alternatives: tuple[str, ...] = ()
 
 
 def whole_effect(
     panel: Panel, survey: Survey, gaps: Sequence[JointGap], searches: Sequence[Search], present: Sequence[Effect]
-) -> tuple[Whole | None, tuple[Whole, ...]]:
-    """The best cause of the whole robot, if it explains about as much as single joints' effects, and its rivals."""
+) -> Whole | None:
+    """The best cause of the whole robot, if it explains about as much as single joints' effects."""
     problems = [search.problem for search in searches]
     before = np.array([p.errors().held_out for p in problems])
     single = sum(
@@ -61,8 +64,10 @@ def whole_effect(
             continue
         p_value = _p_value(panel, best, searches)
         if p_value <= LEVEL:
-            return Whole(best.effect, best.shape, best.coefficients, best.held_out, best.likelihood, p_value), ranking
-    return None, ranking
+            close = [w.effect.name for w in ranking if w.likelihood >= LAW * best.likelihood]
+            others = tuple(name for name in dict.fromkeys(close) if name != best.effect.name)
+            return replace(best, p_value=p_value, alternatives=others)
+    return None
 
 
 def columns_of(panel: Panel, whole: Whole, joint: int) -> FloatArray:

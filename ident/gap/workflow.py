@@ -2,39 +2,39 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field, replace
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 from joblib import Parallel, delayed
 from threadpoolctl import threadpool_limits
 
 from ident.arrays import BoolArray, FloatArray, IntArray
-from ident.effects.base import Survey, Term
-from ident.effects.friction import Coulomb
+from ident.effects.base import Term
 from ident.errors import InputError
 from ident.fit import Drives, fit
 from ident.gap.abstain import Explainable, explainable
 from ident.gap.attribute import JointGap, Named, Search, attribute, search, starts_of
-from ident.gap.candidates import admissible, forms
+from ident.gap.candidates import Trial, coefficients, forms
 from ident.gap.constancy import inconstancy
-from ident.gap.evidence import Evidence, evidence, negative_control
-from ident.gap.localise import GapMap, gap_map
+from ident.gap.edge import edge_columns
+from ident.gap.evidence import evidence, negative_control
+from ident.gap.experiment import Experiment, Joined, Question, separating, with_motion
+from ident.gap.localise import gap_map
 from ident.gap.panel import Panel
-from ident.gap.preflight import Untestable, untestable
+from ident.gap.preflight import untestable
+from ident.gap.report import Finding, GapReport, Unexplained
 from ident.gap.rows import panel_of, survey_of
 from ident.gap.settle import alternatives, next_experiment
 from ident.gap.spectrum import spectral_line
 from ident.gap.touch import Touches, find_touches, row_step
 from ident.gap.velocity_lag import velocity_lag
 from ident.gap.whole import Whole, columns_of, whole_effect
-from ident.log import LogSource, PositionsOnly
+from ident.log import JointLog, LogSource, PositionsOnly
 from ident.model import CurrentModel
 
 Progress = Callable[[str, float], None]
-
-EDGE, WIDEST = 4.0, 0.012
-"""How much narrower and wider the sign of velocity may turn than the model says, and how wide at most [rad/s]."""
 
 ENOUGH, CERTAIN = 2.0, 8.0
 """Names of a joint must explain this many times what could still be explained after them; else none is given.
@@ -52,87 +52,13 @@ WORTH_SAYING = 0.06
 """Share of a joint's squared residual that must be explainable for it to be called unexplained."""
 
 
-@dataclass(frozen=True, eq=False)
-class Finding:
-    """A named cause of the gap.
-
-    Attributes:
-        effect, family: its name and family by the contract.
-        joints: joints it acts on, from 0; empty for the whole robot.
-        parameters: its figures by the contract's keys.
-        p_value: chance of so good a candidate where there is nothing.
-        alternatives: names that the logs cannot tell from it.
-        next_experiment: the motion that would; None where nothing is open.
-        terms: what is added to the model.
-        explained: share by which it lowered the held-out squared residual of its joints.
-        control: what the negative control gained, as a share of the RMS residual; None for the whole robot.
-    """
-
-    effect: str
-    family: str
-    joints: tuple[int, ...]
-    parameters: dict[str, float | list[float]]
-    p_value: float
-    alternatives: tuple[str, ...]
-    next_experiment: str | None
-    terms: tuple[Term, ...]
-    explained: float
-    control: float | None = None
-
-
-@dataclass(frozen=True)
-class Unexplained:
-    """What could be explained on a joint and was not named: its signals and its share of the squared residual."""
-
-    joints: tuple[int, ...]
-    depends_on: tuple[str, ...]
-    share: float
-
-
-@dataclass(frozen=True, eq=False)
-class GapReport:
-    """What the workflow found.
-
-    Attributes:
-        before, model: the model before, and with what was found.
-        findings: named causes, those that explain most first.
-        unexplained: what is there and was not named.
-        untestable: what the logs could not show.
-        touches: contact that was left out.
-        map_before, map_after: the gap by joint and regime, on the train logs.
-        panel, survey: the rows that were looked at.
-        residuals: of those rows, before and after, (N, n), in force units.
-        evidence: errors on the test logs, finding by finding; None where there are no test logs.
-    """
-
-    before: CurrentModel
-    model: CurrentModel
-    findings: tuple[Finding, ...]
-    unexplained: tuple[Unexplained, ...]
-    untestable: tuple[Untestable, ...]
-    touches: Touches
-    map_before: GapMap
-    map_after: GapMap
-    panel: Panel = field(repr=False)
-    survey: Survey = field(repr=False)
-    residuals: tuple[FloatArray, FloatArray] = field(repr=False)
-    evidence: Evidence | None = None
-
-    @property
-    def noise_floor(self) -> FloatArray:
-        """RMS (n,) of what is left on the rows looked at and nothing predicts, in the current's unit."""
-        squares = np.mean(self.residuals[1] ** 2, axis=0)
-        for one in self.unexplained:
-            squares[list(one.joints)] *= 1.0 - one.share
-        return np.asarray(np.sqrt(squares) / self.model.gain)
-
-
 def find_gap(
     model: CurrentModel,
     train: Sequence[LogSource],
     test: Sequence[LogSource] = (),
     refit: bool = True,
     progress: Progress | None = None,
+    motions: Mapping[str, JointLog] | None = None,
 ) -> GapReport:
     """Find what a model lacks.
 
@@ -143,6 +69,8 @@ def find_gap(
         refit: whether the model's own parameters are fitted again with every candidate: what does its structure lack?
             Without, it is held fixed: what has changed since it was identified?
         progress: told what is being done and the share of it that is done.
+        motions: commanded motions by name (their currents are not looked at), among which the one is sought that
+            would separate names that the logs leave open; without any, findings only say it in words.
 
     Raises:
         InputError: no log, or logs too short.
@@ -150,7 +78,7 @@ def find_gap(
     if not train:
         raise InputError("no log to look at", "--train", "give at least one log")
     with threadpool_limits(1, "blas"):
-        return _Workflow(model, train, test, refit, progress or (lambda what, share: None)).run()
+        return _Workflow(model, train, test, refit, progress or (lambda what, share: None), motions or {}).run()
 
 
 @dataclass(eq=False)
@@ -160,6 +88,7 @@ class _Workflow:
     test: Sequence[LogSource]
     refit: bool
     tell: Progress
+    motions: Mapping[str, JointLog]
 
     def run(self) -> GapReport:
         self.tell("reading logs", 0.0)
@@ -184,14 +113,14 @@ class _Workflow:
 
     def name(self, keep: BoolArray) -> tuple[list[list[Named]], list[Whole], list[JointGap]]:
         """Steps 3 to 5: first causes of the whole robot, then of each joint."""
-        gaps = [self.gap(j, keep[:, j]) for j in range(self.model.n)]
+        gaps = [self.gap(self.panel, j, keep[:, j]) for j in range(self.model.n)]
         wholes: list[Whole] = []
         self.tell("trying effects", 0.0)
         searches = self.searches(gaps)
         self.tell("trying effects", 0.5)
         for _ in range(2):
             present = [*(t.effect for t in self.model.terms if t.effect.joint is None), *(w.effect for w in wholes)]
-            found, _ = whole_effect(self.panel, self.survey, gaps, searches, present)
+            found = whole_effect(self.panel, self.survey, gaps, searches, present)
             if found is None:
                 break
             wholes.append(found)
@@ -209,21 +138,20 @@ class _Workflow:
         )
         return found
 
-    def gap(self, joint: int, keep: BoolArray) -> JointGap:
+    def gap(self, panel: Panel, joint: int, keep: BoolArray) -> JointGap:
         """The joint's rows: the model's columns if it is refitted, else what it leaves."""
         own = [t for t in self.model.terms if t.effect.joint in (None, joint)]
-        edge = _edge(self.panel, own, joint)
-        if self.refit:
-            columns = [self.panel.columns(t.effect, t.shape, joint) for t in own]
-            present = tuple(t.effect for t in own)
-            return JointGap(joint, np.hstack([*columns, edge]), self.panel.force[:, joint], keep, present)
-        return JointGap(joint, edge, self.panel.force[:, joint] - self.simulated()[:, joint], keep, ())
+        edge, target = edge_columns(panel, own, joint), panel.force[:, joint]
+        if not self.refit:
+            return JointGap(joint, edge, target - self.simulated(panel)[:, joint], keep, ())
+        columns = [panel.columns(t.effect, t.shape, joint) for t in own]
+        return JointGap(joint, np.hstack([*columns, edge]), target, keep, tuple(t.effect for t in own))
 
-    def simulated(self) -> FloatArray:
-        """Force (N, n) that the model gives in the panel's rows."""
+    def simulated(self, panel: Panel) -> FloatArray:
+        """Force (N, n) that the model gives in a panel's rows."""
         parts = [
             self.model.force(block.motion, self.model.start())[rows]
-            for block, rows in zip(self.panel.blocks, self.panel.rows, strict=True)
+            for block, rows in zip(panel.blocks, panel.rows, strict=True)
         ]
         return np.concatenate(parts)
 
@@ -264,7 +192,7 @@ class _Workflow:
     ) -> GapReport:
         self.tell("settling names", 0.0)
         findings = [self.whole_finding(w) for w in wholes]
-        unexplained, before, after = [], np.zeros((2, 0)), np.zeros((2, 0))
+        unexplained: list[Unexplained] = []
         before, after = (np.zeros((len(self.panel), self.model.n)) for _ in range(2))
         problems = []
         for gap, names in zip(gaps, named, strict=True):
@@ -295,7 +223,7 @@ class _Workflow:
 
     def plain(self, gap: JointGap) -> JointGap:
         """The joint's rows before causes of the whole robot were taken away."""
-        return self.gap(gap.joint, gap.keep)
+        return self.gap(self.panel, gap.joint, gap.keep)
 
     def unexplained(self, gap: JointGap, residual: FloatArray, rows: IntArray) -> list[Unexplained]:
         left = self.explainable(gap, residual, rows)
@@ -316,32 +244,41 @@ class _Workflow:
             *(np.full(k, np.nan) for k in (len(whole.coefficients), len(whole.shape))),
         )
         figures = effect.summary(self.model.robot, whole.shape, whole.coefficients)
-        return Finding(effect.name, effect.family, (), figures, whole.p_value, (), None, (term,), np.inf)
+        others = whole.alternatives
+        words = next_experiment(effect.name, dict.fromkeys(others))
+        return Finding(effect.name, effect.family, (), figures, whole.p_value, others, words, (term,), np.inf)
 
     def joint_finding(self, gap: JointGap, named: Sequence[Named], one: Named, total: float) -> Finding:
         effect, trial = one.effect, one.trial
-        coefficients = self.coefficients(gap, named, one)
-        unknown = (np.full(k, np.nan) for k in (len(coefficients), len(trial.shape)))
-        term = Term(effect, trial.shape, coefficients, *unknown)
-        others = alternatives(self.panel, gap, named, one)
-        figures = effect.summary(self.model.robot, trial.shape, coefficients)
+        others = [n.trial for n in named if n is not one]
+        found = coefficients(self.panel, gap.problem(self.panel, others), trial, gap.joint)
+        unknown = (np.full(k, np.nan) for k in (len(found), len(trial.shape)))
+        term = Term(effect, trial.shape, found, *unknown)
+        rivals = alternatives(self.panel, gap, named, one)
+        experiments = {name: self.experiment(gap, trial, rival, others) for name, rival in rivals.items()}
+        figures = effect.summary(self.model.robot, trial.shape, found)
         return Finding(
-            effect.name, effect.family, (gap.joint,), figures, one.p_value, tuple(others),
-            next_experiment(effect.name, others), (term,), one.explained / max(total, 1e-300),
+            effect.name, effect.family, (gap.joint,), figures, one.p_value, tuple(rivals),
+            next_experiment(effect.name, experiments), (term,), one.explained / max(total, 1e-300),
             negative_control(self.panel, gap, named, one),
+            tuple(dict.fromkeys(e.motion for e in experiments.values() if e is not None)),
         )  # fmt: skip
 
-    def coefficients(self, gap: JointGap, named: Sequence[Named], one: Named) -> FloatArray:
-        """Linear parameters of a name, fitted together with the others; those at their bounds are nought."""
-        problem = gap.problem(self.panel, [n.trial for n in named if n is not one])
-        whole = self.panel.columns(one.effect, one.trial.shape, gap.joint)[problem.keep]
-        used = admissible(self.panel, problem, one.effect, one.trial.shape, gap.joint)
-        found = problem.fit(used)[problem.matrix.shape[1] :]
-        values, k = np.zeros(whole.shape[1]), 0
-        for i in range(whole.shape[1]):
-            if k < used.shape[1] and np.array_equal(whole[:, i], used[:, k]):
-                values[i], k = found[k], k + 1
-        return values
+    def experiment(self, gap: JointGap, one: Trial, other: Trial | None, besides: Sequence[Trial]) -> Experiment | None:
+        """The motion that would separate two names of a joint."""
+        if other is None or not self.motions:
+            return None
+        left = gap.problem(self.panel, [*besides, one]).residual
+        joined = {
+            name: Joined(panel, self.gap(panel, gap.joint, np.ones(len(panel), dtype=bool)), added)
+            for name, (panel, added) in self.joined.items()
+        }
+        return separating(Question(one, other, tuple(besides), float(np.sqrt(np.mean(left**2)))), joined)
+
+    @cached_property
+    def joined(self) -> dict[str, tuple[Panel, int]]:
+        """Each motion's rows behind the logs'."""
+        return {name: with_motion(self.model, self.panel, motion) for name, motion in self.motions.items()}
 
     def fitted(self, model: CurrentModel, findings: Sequence[Finding]) -> CurrentModel:
         """Step 8: the model with what was found, refitted, or with the found terms added to it."""
@@ -353,14 +290,3 @@ class _Workflow:
         drives = Drives(model.gain, model.force_unit)
         found = fit(model.robot, effects, self.train, model.cutoff, drives, shapes=shapes).model
         return replace(found, positions_only=model.positions_only)
-
-
-def _edge(panel: Panel, own: Sequence[Term], joint: int) -> FloatArray:
-    """How the sign of velocity turns in detail (N, 3): a nuisance, so that no effect is named for it."""
-    for term in own:
-        if isinstance(term.effect, Coulomb):
-            v, width = panel.velocity[:, joint], term.effect.smoothing
-            sign = np.tanh(v / width)
-            bends = [v / np.sqrt(v**2 + width**2), np.tanh(EDGE * v / width), np.tanh(v / min(EDGE * width, WIDEST))]
-            return np.stack([bend - sign for bend in bends], axis=1)
-    return np.zeros((len(panel), 0))

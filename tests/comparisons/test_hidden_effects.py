@@ -10,7 +10,7 @@ import pytest
 from comparisons.hidden_effects import benchmark as bench
 from comparisons.hidden_effects.answer import Answer, Name, Secret, Truth, truth_from
 from comparisons.hidden_effects.benchmark_page import page, plots, results
-from comparisons.hidden_effects.cases import CHANGES, WHOLE_ROBOT, Case, Hidden, _Maker, make, robot_of
+from comparisons.hidden_effects.cases import CHANGES, WHOLE_ROBOT, Case, Hidden, Maker, make, robot_of
 from comparisons.hidden_effects.laws import FOREIGN, LAWS
 from comparisons.hidden_effects.measured import measured_tasks
 from comparisons.hidden_effects.rates import Rate, Score
@@ -126,7 +126,7 @@ def test_curves_calibration_and_confusion():
 @pytest.fixture(scope="module")
 def rows():
     """A maker with the scenes of one log, for looking at laws."""
-    maker = _Maker(Case("vs060", (), 3))
+    maker = Maker(Case("vs060", (), 3))
     return maker, [maker.scene(0)]
 
 
@@ -165,7 +165,7 @@ def test_laws_are_not_in_the_span_of_the_catalogues_columns(name, rows):
 def test_hidden_effects_have_the_severity_asked_for(name, severity):
     joint = None if name in WHOLE_ROBOT else 1
     case = Case("vs060", (Hidden(name, joint, severity),), 4, changed=name in CHANGES)
-    maker = _Maker(case)
+    maker = Maker(case)
     scenes = [maker.scene(k) for k in range(3)]
     noise = case.noise * np.sqrt(np.mean(np.concatenate([s.known for s in scenes]) ** 2, axis=0))
     strength = maker.strength(case.hidden[0], scenes, noise)

@@ -162,5 +162,5 @@ def test_every_effect_has_an_experiment_that_settles_it():
     catalogue = load_catalogue()
     for name, kind in catalogue.items():
         for rival in kind.rivals:
-            assert next_experiment(name, [rival])
-    assert next_experiment("stribeck", []) is None
+            assert next_experiment(name, {rival: None})
+    assert next_experiment("stribeck", {}) is None

@@ -78,7 +78,7 @@ def test_shape_parameters_have_honest_intervals_too(vs060):
     effects = [e for j in range(6) for e in (Coulomb(j), Stribeck(j))]
     inside, count = 0, 0
     for _ in range(8):
-        current = 4.0 * np.tanh(motion.dq / 5e-3) * (1 + np.exp(-((motion.dq / 0.3) ** 2)))
+        current = 4.0 * np.tanh(motion.dq / 5e-3) * (1 + np.exp(-((motion.dq / 0.1) ** 2)))
         current += 0.5 * coloured(rng, motion.q.shape, 0.9)
         held = [Block(JointLog(motion.t, motion.q, current), motion, True, np.ones(ROWS, dtype=bool))]
         design = Design(vs060, tuple(initial_term(e) for e in effects), np.ones(6))
@@ -88,7 +88,7 @@ def test_shape_parameters_have_honest_intervals_too(vs060):
         assert spread.shape == (12 + 6, 12 + 6)
         speeds = np.array([t.shape[0] for t in design.terms if t.effect.shapes])
         std = np.sqrt(np.diag(spread))[12:]
-        inside += int(np.sum(np.abs(speeds - 0.3) < 1.96 * std))
+        inside += int(np.sum(np.abs(speeds - 0.1) < 1.96 * std))
         count += 6
     assert inside >= 0.85 * count  # 95 % are expected
     assert np.all(std < 0.1)

@@ -1,0 +1,65 @@
+"""How robots are moved and logged: kinds of motion, rates, noise of the encoders."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from comparisons.protocols import named
+from ident.arrays import FloatArray
+from ident.robot import Robot
+
+
+@dataclass(frozen=True)
+class Style:
+    """How a robot is moved and logged.
+
+    Attributes:
+        pieces: what every log consists of: kind of motion and seconds.
+        rate: sampling rate [Hz].
+        position_noise: standard deviation of the logged positions beyond their counts [rad].
+        velocity_noise: that of logged velocities [rad/s]; None logs none.
+        jitter: standard deviation of the time stamps, as a share of the sampling period.
+    """
+
+    pieces: tuple[tuple[str, float], ...] = (("fourier", 40.0), ("slow", 25.0), ("stop_and_go", 25.0))
+    rate: float = 100.0
+    position_noise: float = 0.0
+    velocity_noise: float | None = None
+    jitter: float = 0.0
+
+
+STYLES = {
+    "usual": Style(),
+    "500Hz": Style((("fourier", 30.0), ("slow", 15.0), ("stop_and_go", 15.0)), rate=500.0, velocity_noise=1e-3),
+    "50Hz": Style(rate=50.0, jitter=0.02),
+    "fourier": Style((("fourier", 60.0),)),
+    "sinusoid": Style((("sinusoid", 60.0),), velocity_noise=2e-3),
+    "short": Style((("fourier", 15.0), ("slow", 10.0))),
+    "stop-and-go": Style((("stop_and_go", 90.0),), rate=125.0),
+    "noisy": Style(rate=200.0, position_noise=5e-5, velocity_noise=5e-3),
+}
+"""What others' logs are like."""
+
+
+def reference(robot: Robot, kind: str, seconds: float, seed: int, rate: float) -> FloatArray:
+    """Commanded positions (N, n) of a kind of motion: ``slow``, or a protocol's name."""
+    if kind == "slow":
+        return _slow(robot, seconds, seed, rate)
+    protocol = named(kind)(robot, seconds=seconds, seed=seed, rate=rate)
+    return np.concatenate([block.q for block in protocol.blocks()])
+
+
+def _slow(robot: Robot, seconds: float, seed: int, rate: float) -> FloatArray:
+    """Slow wandering of all joints with many reversals, at up to 0.1 rad/s, from rest to rest."""
+    rng = np.random.default_rng(seed)
+    t = np.arange(round(seconds * rate)) / rate
+    lower, upper = np.maximum(robot.limits.lower, -2.5), np.minimum(robot.limits.upper, 2.5)
+    middle = 0.5 * (lower + upper) + 0.2 * (upper - lower) * rng.uniform(-1, 1, robot.n)
+    waves = np.zeros((len(t), robot.n))
+    for period in (3.1, 7.3, 16.0):
+        waves += 0.03 * period / (2 * np.pi) * np.sin(2 * np.pi * t[:, None] / period + rng.uniform(0, 6, robot.n))
+    fade = np.clip(np.minimum(t, t[-1] - t), 0.0, 1.5) / 1.5
+    path: FloatArray = middle + waves * (fade * fade * (3 - 2 * fade))[:, None]
+    return path

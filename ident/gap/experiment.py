@@ -1,0 +1,148 @@
+"""Step 6, the next experiment: which motion would tell two names apart, by simulating each on a catalogue of motions.
+
+With the one name taken for the truth, the other is fitted to what the one says, shape and baseline with it, on the logs
+and on the motion together. What it cannot follow is what the motion would show.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from ident.arrays import FloatArray
+from ident.gap.attribute import JointGap
+from ident.gap.candidates import Trial, admissible, coefficients, refine
+from ident.gap.panel import Panel
+from ident.log import JointLog
+from ident.model import CurrentModel
+from ident.walk import collect
+
+ROWS = 4000
+"""Rows of the logs, and as many of a motion, that names are compared on."""
+
+REFINED = 3
+"""Motions for which the other name's shape is searched; the rest are only compared at the shape it has."""
+
+SETTLED = 0.05
+"""Share of what a name explains, on logs and motion together, that the other must miss: no law is exact."""
+
+
+@dataclass(frozen=True)
+class Experiment:
+    """A motion that separates two names.
+
+    Attributes:
+        motion: its name.
+        ratio: RMS by which the names would differ on it, the nearer way round, over the RMS of the joint's residual.
+        settles: whether that is more than laws may be wrong by.
+    """
+
+    motion: str
+    ratio: float
+    settles: bool
+
+
+@dataclass(frozen=True, eq=False)
+class Question:
+    """Two names of one joint that the logs leave open.
+
+    Attributes:
+        one, other: the names with their shapes.
+        besides: what else the joint was given.
+        residual: RMS of what both leave, in force units.
+    """
+
+    one: Trial
+    other: Trial
+    besides: tuple[Trial, ...]
+    residual: float
+
+
+@dataclass(frozen=True, eq=False)
+class Joined:
+    """Rows of logs with those of a motion behind them.
+
+    Attributes:
+        panel: all of them.
+        gap: the joint's baseline on them.
+        added: how many rows the motion has.
+    """
+
+    panel: Panel
+    gap: JointGap
+    added: int
+
+
+def with_motion(model: CurrentModel, panel: Panel, commanded: JointLog) -> tuple[Panel, int]:
+    """Put a commanded motion's rows behind some of a panel's, and say how many they are."""
+    blocks = collect([commanded], model.cutoff)
+    contexts = [model.context(block.motion, total=True) for block in blocks]
+    own = [np.flatnonzero(block.keep) for block in blocks]
+    every = max(1, sum(len(r) for r in own) // ROWS)
+    own = [r[::every] for r in own]
+    added = sum(len(r) for r in own)
+    thin = max(1, len(panel) // ROWS)
+    fold = np.zeros(added + sum(len(r[::thin]) for r in panel.rows), dtype=np.int64)
+    fold[1::2] = 1
+    rows = [*(r[::thin] for r in panel.rows), *own]
+    joined = Panel(panel.robot, [*panel.blocks, *blocks], [*panel.contexts, *contexts], rows, fold, panel.scale)
+    return joined, added
+
+
+def separating(question: Question, motions: Mapping[str, Joined]) -> Experiment:
+    """The motion on which the names of a question differ most, whichever of them is the true one.
+
+    Args:
+        question: the two names.
+        motions: motions by name, each with the logs' rows and the joint's baseline on them; one at least.
+    """
+    first = {name: _nearer(question, joined, refined=False) for name, joined in motions.items()}
+    best = sorted(first, key=lambda name: -first[name].on_motion)[:REFINED]
+    found = {name: _nearer(question, motions[name], refined=True) for name in best}
+    name = max(found, key=lambda n: found[n].on_motion)
+    ratio = found[name].on_motion / max(question.residual, 1e-300)
+    return Experiment(name, ratio, found[name].missed >= SETTLED)
+
+
+@dataclass(frozen=True)
+class _Difference:
+    """What a rival cannot follow: RMS on the motion's rows, and share of what the truth explains on all rows."""
+
+    on_motion: float
+    missed: float
+
+
+def _nearer(question: Question, joined: Joined, refined: bool) -> _Difference:
+    both = [
+        _unfollowed(truth, rival, question.besides, joined, refined)
+        for truth, rival in ((question.one, question.other), (question.other, question.one))
+    ]
+    return min(both, key=lambda d: d.on_motion)
+
+
+def _unfollowed(truth: Trial, rival: Trial, besides: Sequence[Trial], joined: Joined, refined: bool) -> _Difference:
+    """Compare with a rival that is fitted to all rows of what the truth says."""
+    panel, gap = joined.panel, joined.gap
+    problem = replace(gap, target=_said(truth, besides, joined)).problem(panel, besides)
+    columns = admissible(panel, problem, rival.effect, rival.shape, gap.joint)
+    now = replace(rival, drop=problem.drop(columns))
+    if refined and rival.effect.shapes:
+        now = refine(panel, problem, now, gap.joint)
+        columns = admissible(panel, problem, rival.effect, now.shape, gap.joint)
+    found = problem.fit(columns)
+    left = problem.target - np.column_stack([problem.matrix * problem.norm, columns]) @ found
+    explained = float(problem.residual @ problem.residual)
+    on_motion = float(np.sqrt(np.mean(left[-joined.added :] ** 2)))
+    return _Difference(on_motion, float(left @ left) / max(explained, 1e-300))
+
+
+def _said(truth: Trial, besides: Sequence[Trial], joined: Joined) -> FloatArray:
+    """Force (N,) of an effect as fitted to the logs' own rows."""
+    panel, gap = joined.panel, joined.gap
+    logs = np.arange(len(panel)) < len(panel) - joined.added
+    problem = replace(gap, keep=logs).problem(panel, besides)
+    found = coefficients(panel, problem, truth, gap.joint)
+    said: FloatArray = panel.columns(truth.effect, truth.shape, gap.joint) @ found
+    return said

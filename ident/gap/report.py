@@ -1,0 +1,93 @@
+"""What the workflow found."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from ident.arrays import FloatArray
+from ident.effects.base import Survey, Term
+from ident.gap.evidence import Evidence
+from ident.gap.localise import GapMap
+from ident.gap.panel import Panel
+from ident.gap.preflight import Untestable
+from ident.gap.touch import Touches
+from ident.model import CurrentModel
+
+
+@dataclass(frozen=True, eq=False)
+class Finding:
+    """A named cause of the gap.
+
+    Attributes:
+        effect, family: its name and family by the contract.
+        joints: joints it acts on, from 0; empty for the whole robot.
+        parameters: its figures by the contract's keys.
+        p_value: chance of so good a candidate where there is nothing.
+        alternatives: names that the logs cannot tell from it.
+        next_experiment: what would; None where nothing is open.
+        terms: what is added to the model.
+        explained: share by which it lowered the held-out squared residual of its joints.
+        control: what the negative control gained, as a share of the RMS residual; None for the whole robot.
+        motions: names of the motions, of those that the workflow was given, that separate it from its alternatives.
+    """
+
+    effect: str
+    family: str
+    joints: tuple[int, ...]
+    parameters: dict[str, float | list[float]]
+    p_value: float
+    alternatives: tuple[str, ...]
+    next_experiment: str | None
+    terms: tuple[Term, ...]
+    explained: float
+    control: float | None = None
+    motions: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
+class Unexplained:
+    """What could be explained on a joint and was not named: its signals and its share of the squared residual."""
+
+    joints: tuple[int, ...]
+    depends_on: tuple[str, ...]
+    share: float
+
+
+@dataclass(frozen=True, eq=False)
+class GapReport:
+    """What the workflow found.
+
+    Attributes:
+        before, model: the model before, and with what was found.
+        findings: named causes, those that explain most first.
+        unexplained: what is there and was not named.
+        untestable: what the logs could not show.
+        touches: contact that was left out.
+        map_before, map_after: the gap by joint and regime, on the train logs.
+        panel, survey: the rows that were looked at.
+        residuals: of those rows, before and after, (N, n), in force units.
+        evidence: errors on the test logs, finding by finding; None where there are no test logs.
+    """
+
+    before: CurrentModel
+    model: CurrentModel
+    findings: tuple[Finding, ...]
+    unexplained: tuple[Unexplained, ...]
+    untestable: tuple[Untestable, ...]
+    touches: Touches
+    map_before: GapMap
+    map_after: GapMap
+    panel: Panel = field(repr=False)
+    survey: Survey = field(repr=False)
+    residuals: tuple[FloatArray, FloatArray] = field(repr=False)
+    evidence: Evidence | None = None
+
+    @property
+    def noise_floor(self) -> FloatArray:
+        """RMS (n,) of what is left on the rows looked at and nothing predicts, in the current's unit."""
+        squares = np.mean(self.residuals[1] ** 2, axis=0)
+        for one in self.unexplained:
+            squares[list(one.joints)] *= 1.0 - one.share
+        return np.asarray(np.sqrt(squares) / self.model.gain)
