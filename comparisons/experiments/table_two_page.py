@@ -35,6 +35,7 @@ CLAIMS: tuple[tuple[str, str, str, str], ...] = (
     ("a third hierarchy helps", "rmse", "HRDL-MD, H1-3", "HRDL-MD, H1-2"),
     ("the network beats the paper's model", "rmse", "HRDL-MD, H1-3", "model-based, from sinusoids"),
     ("hysteresis helps the model at rest", "rmse_static", "model-based, Maxwell slip", "model-based"),
+    ("effects that are named help", "rmse", "model-based, named effects", "model-based"),
     ("the hybrid beats the model below it", "rmse", "hybrid", "model-based, Maxwell slip"),
     ("the hybrid beats the network alone", "rmse", "hybrid", "HRDL-MD, H1-3"),
 )
@@ -56,12 +57,19 @@ def table_two_page(result: Mapping[str, Any]) -> str:
     ]
     for key, title in REGIMES.items():
         parts += [f"## {title.capitalize()}\n", _errors(rows, key)]
+    if result.get("named"):
+        told = "; ".join(f"`{name}` on {_joints(joints)}" for name, joints in result["named"].items())
+        parts.append(f"Named effects: {told}.\n")
     parts += ["## The paper's, on the real robot, all frames\n", joint_table({k: [*v] for k, v in PAPER.items()})]
     parts += ["## What holds\n", _claims(rows), "## Cost\n", _cost(rows)]
     command = result["provenance"]["command_line"]
     versions = ", ".join(f"{name} {version}" for name, version in result["provenance"]["versions"].items())
     parts.append(f"Made by `{command}`, {result['provenance']['date']}, {versions}.\n")
     return "\n".join(parts)
+
+
+def _joints(joints: Sequence[int]) -> str:
+    return "the whole robot" if not joints else "joints " + ", ".join(map(str, sorted(joints)))
 
 
 def _errors(rows: Mapping[str, Any], key: str) -> str:

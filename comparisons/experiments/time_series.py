@@ -18,7 +18,7 @@ import numpy as np
 from comparisons.comparison.held_out import HeldOut
 from comparisons.comparison.methods import Preset
 from comparisons.experiments.data import paper_data
-from comparisons.experiments.table_two import HIERARCHIES, MODELS, NETWORKS, ROBOT, Rows
+from comparisons.experiments.table_two import DATA, HIERARCHIES, MODELS, NETWORKS, ROBOT, Rows
 from comparisons.metrics import Regimes
 from comparisons.output import to_json
 from comparisons.progress import show_progress
@@ -71,7 +71,7 @@ def time_series(
         begin: time in the last test log at which it begins [s]; by default where most joints start and stop.
         preset: quick, or paper.
         epochs: passes over the training logs at most, instead of the preset's.
-        data: another preset of the data sets than that of the networks.
+        data: another preset of the data sets than table_two has for that of the networks.
         seed: of the data; networks are those of the first training.
         device: that networks learn on: cpu or cuda.
     """
@@ -80,7 +80,7 @@ def time_series(
     out.mkdir(parents=True, exist_ok=True)
     virtual = VirtualRobot(load_robot(ROBOT))
     with show_progress() as progress:
-        logs = paper_data(virtual, data or preset, out / "data", seed, progress)
+        logs = paper_data(virtual, data or DATA[preset], out / "data", seed, progress)
         tests = HeldOut.of(logs.test[-1:])
         where = stretch(tests, seconds, begin)
         table = Rows(logs, out / "models", preset, epochs, 1, device, progress)

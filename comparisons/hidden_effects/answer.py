@@ -11,6 +11,7 @@ import numpy as np
 
 from comparisons.hidden_effects.cases import Case, Made
 from comparisons.hidden_effects.laws import FOREIGN
+from ident.arrays import FloatArray
 
 if TYPE_CHECKING:
     from ident.gap import GapReport
@@ -43,8 +44,9 @@ class Truth:
         robot: its robot.
         kind: set it belongs to: single, changed, pair, triple, nothing, foreign, added or deleted.
         secrets: hidden effects.
-        noise: standard deviation (n,) of the current's noise: the error on test logs of a model that knows every law.
-        exact_noise: whether it is; on measured logs it is what a model leaves of them.
+        noise: standard deviation (n,) of the current's noise; on measured logs what a model leaves of them.
+        known: RMS error (n,) on test logs of the model before, where what is hidden is known and taken away.
+        exact_noise: whether the noise is known, and not an estimate.
     """
 
     name: str
@@ -52,6 +54,7 @@ class Truth:
     kind: str
     secrets: tuple[Secret, ...]
     noise: tuple[float, ...]
+    known: tuple[float, ...]
     exact_noise: bool = True
 
     @property
@@ -88,6 +91,7 @@ class Answer:
         unexplained: joints of which it says that something is there and gives no name.
         before, after: RMS errors (n,) on the test logs, of the model before and with what was found.
         seconds: what it took.
+        settled: whether the true name stood alone once a log of the motion proposed was added; None where none was.
     """
 
     findings: tuple[Name, ...]
@@ -95,6 +99,7 @@ class Answer:
     before: tuple[float, ...] = ()
     after: tuple[float, ...] = ()
     seconds: float = 0.0
+    settled: bool | None = None
 
     def to_dict(self) -> dict[str, Any]:
         """Return it as JSON-like values."""
@@ -109,7 +114,7 @@ class Answer:
         )
         unexplained = tuple(tuple(joints) for joints in values["unexplained"])
         before, after = (tuple(_number(x) for x in values[key]) for key in ("before", "after"))
-        return Answer(names, unexplained, before, after, values["seconds"])
+        return Answer(names, unexplained, before, after, values["seconds"], values.get("settled"))
 
 
 def _number(value: float | None) -> float:
@@ -117,21 +122,22 @@ def _number(value: float | None) -> float:
     return math.nan if value is None else value
 
 
-def truth_of(case: Case, made: Made, kind: str, name: str) -> Truth:
-    """Return what a case of the virtual robot hides."""
+def truth_of(case: Case, made: Made, kind: str, name: str, known: FloatArray) -> Truth:
+    """Return what a case of the virtual robot hides; ``known`` is the error (n,) with its laws known."""
     secrets = tuple(
         Secret(h.effect, () if h.joint is None else (h.joint,), h.severity, plain_figures(figures))
         for h, figures in zip(case.hidden, made.parameters, strict=True)
     )
-    return Truth(name, case.robot, kind, secrets, tuple(made.noise.tolist()))
+    return Truth(name, case.robot, kind, secrets, tuple(made.noise.tolist()), tuple(known.tolist()))
 
 
 def truth_from(values: Mapping[str, Any]) -> Truth:
     """Read the truth that ``dataclasses.asdict`` wrote."""
     secrets = tuple(Secret(s["effect"], tuple(s["joints"]), s["severity"], s["parameters"]) for s in values["secrets"])
     return Truth(
-        values["name"], values["robot"], values["kind"], secrets, tuple(values["noise"]), values["exact_noise"]
-    )
+        values["name"], values["robot"], values["kind"], secrets, tuple(values["noise"]), tuple(values["known"]),
+        values["exact_noise"],
+    )  # fmt: skip
 
 
 def answer_of(report: GapReport, seconds: float) -> Answer:

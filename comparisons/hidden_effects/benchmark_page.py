@@ -27,13 +27,14 @@ TARGETS = {
     "silence on effects outside the catalogue": ">= 95 %",
     "test RMSE over that with the law known": "<= 1.03",
     "main parameter's error": "<= 5 %",
+    "a tie broken by the proposed experiment": ">= 95 %",
     "F1, two effects": ">= 0.92",
 }
 """What the gap workflow is to reach."""
 
 PLAIN = (
     "test RMSE over that with the law known",
-    "the same on joints where nothing is hidden",
+    "test RMSE over the noise",
     "F1, two effects",
     "F1, three effects",
 )

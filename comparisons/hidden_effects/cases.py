@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import hashlib
-from dataclasses import dataclass, field
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from functools import cache
 from importlib.metadata import files
 from pathlib import Path
@@ -80,7 +81,7 @@ class Made:
         clean: logs of the same robot without the hidden effects, for the model of a case that is a change.
         parameters: true parameters of each hidden effect, by the contract's keys, in units of current.
         noise: standard deviation (n,) of the current noise.
-        without, hidden: on the test logs, noise and nuisance left out: current of the known and of the hidden part.
+        plain: the train and test logs with what is hidden in them taken away.
     """
 
     robot: Robot
@@ -89,7 +90,7 @@ class Made:
     clean: list[JointLog]
     parameters: list[dict[str, float]]
     noise: FloatArray
-    hidden: list[FloatArray] = field(default_factory=list)
+    plain: list[JointLog]
 
 
 @cache
@@ -149,22 +150,35 @@ class Maker:
 
     def make(self) -> Made:
         """Build its logs."""
-        scenes = [self.scene(k) for k in range(4)]
-        clean_scenes = [self.scene(10 + k) for k in range(3)] if self.case.changed else []
-        usual = np.sqrt(np.mean(np.concatenate([s.known for s in scenes[:3]]) ** 2, axis=0))
-        noise = self.case.noise * usual
-        forces, parameters = [np.zeros_like(s.q) for s in scenes], []
-        for hidden in self.case.hidden:
-            strength = self.strength(hidden, scenes[:3], noise)
-            for force, scene in zip(forces, scenes, strict=True):
-                added, truth = self.effect(hidden, scene, strength)
-                force += added
-            parameters.append(self.in_current(hidden, truth))
+        scenes = [self.scene(self.paths(k)) for k in range(4)]
+        clean_scenes = [self.scene(self.paths(10 + k)) for k in range(3)] if self.case.changed else []
+        noise, strengths = self.measure(scenes[:3])
+        forces, parameters = zip(*(self.hidden(s, strengths) for s in scenes), strict=True)
         logs = [self.log(s, f, noise, k) for k, (s, f) in enumerate(zip(scenes, forces, strict=True))]
         clean = [self.log(s, np.zeros_like(s.q), noise, 10 + k) for k, s in enumerate(clean_scenes)]
-        return Made(
-            self.robot, logs[:3], logs[3:], clean, parameters, noise / self.gain, [f / self.gain for f in forces[3:]]
-        )
+        plain = [self.log(s, np.zeros_like(s.q), noise, k) for k, s in enumerate(scenes)]
+        return Made(self.robot, logs[:3], logs[3:], clean, parameters[0], noise / self.gain, plain)
+
+    def record(self, commanded: JointLog) -> JointLog:
+        """Log a commanded motion on the same robot, with the same effects hidden at the same strength."""
+        noise, strengths = self.measure([self.scene(self.paths(k)) for k in range(3)])
+        scene = self.scene([commanded.q], commanded.rate)
+        return replace(self.log(scene, self.hidden(scene, strengths)[0], noise, 20), name=commanded.name)
+
+    def measure(self, scenes: Sequence[Scene]) -> tuple[FloatArray, list[float]]:
+        """Standard deviation of the noise (n,) in force units, and the strength of each hidden effect."""
+        usual = np.sqrt(np.mean(np.concatenate([s.known for s in scenes]) ** 2, axis=0))
+        noise = self.case.noise * usual
+        return noise, [self.strength(hidden, scenes, noise) for hidden in self.case.hidden]
+
+    def hidden(self, scene: Scene, strengths: Sequence[float]) -> tuple[FloatArray, list[dict[str, float]]]:
+        """Force (N, n) of all hidden effects, and their true parameters."""
+        force, parameters = np.zeros_like(scene.q), []
+        for hidden, strength in zip(self.case.hidden, strengths, strict=True):
+            added, truth = self.effect(hidden, scene, strength)
+            force = force + added
+            parameters.append(self.in_current(hidden, truth))
+        return force, parameters
 
     def effect(self, hidden: Hidden, scene: Scene, strength: float) -> tuple[FloatArray, dict[str, float]]:
         """Force (N, n) of a hidden effect at a strength, and its true parameters."""
@@ -182,7 +196,7 @@ class Maker:
             scaled["force"] = truth["force"]
         return scaled
 
-    def strength(self, hidden: Hidden, scenes: list[Scene], noise: FloatArray) -> float:
+    def strength(self, hidden: Hidden, scenes: Sequence[Scene], noise: FloatArray) -> float:
         """Find the strength that has the severity; secant steps on the logarithm."""
         joints = range(self.robot.n) if hidden.joint is None else [hidden.joint]
 
@@ -198,7 +212,7 @@ class Maker:
             a *= float((hidden.severity / max(now, 1e-12)) ** 0.9)
         return a
 
-    def unabsorbed(self, scenes: list[Scene], forces: list[FloatArray], j: int) -> float:
+    def unabsorbed(self, scenes: Sequence[Scene], forces: Sequence[FloatArray], j: int) -> float:
         """RMS of the part of a joint's hidden force that the refitted baseline leaves."""
         target = np.concatenate([f[:, j] for f in forces])
         if self.case.changed:
@@ -214,31 +228,22 @@ class Maker:
         left = target - matrix @ np.linalg.lstsq(matrix, target, rcond=1e-9)[0]
         return float(np.sqrt(np.mean(left**2)))
 
-    def scene(self, number: int) -> Scene:
-        """What laws see of the log of that number."""
-        q, dq, ddq, t, start = self.motion(number)
+    def scene(self, paths: Sequence[FloatArray], rate: float | None = None) -> Scene:
+        """What laws see of a log of those paths, one after the other."""
+        q, dq, ddq, t, start = _motion(paths, rate or self.style.rate)
         torque = self.robot.rigid_body.inverse_dynamics(q, dq, ddq, self.parameters)
         known = torque + self.rotor * ddq + self.coulomb * sign(dq) + self.viscous * dq + self.offset
         return Scene(
             t, q, dq, ddq, torque, known, start, self.coulomb, self.viscous, self.robot.rigid_body, self.parameters
         )
 
-    def motion(self, number: int) -> tuple[FloatArray, ...]:
-        """Positions, velocities, accelerations (N, n), time stamps (N,), and one where a segment starts (N,)."""
-        parts, clock = [], 0.0
-        rate = self.style.rate
-        for k, (kind, seconds) in enumerate(self.style.pieces):
-            seed = 1000 * self.case.seed + 10 * number + k
-            path = reference(self.robot, kind, seconds, seed, rate)
-            t = np.arange(len(path)) / rate
-            smooth = zero_phase(path, rate, 4.0)
-            spline = CubicSpline(t, smooth)
-            velocity = CubicSpline(t, spline(t, 1))
-            start = np.zeros(len(t))
-            start[0] = 1.0
-            parts.append((smooth, velocity(t), velocity(t, 1), t + clock, start))
-            clock += float(t[-1]) + 2.0
-        return tuple(np.concatenate([p[k] for p in parts]) for k in range(5))
+    def paths(self, number: int) -> list[FloatArray]:
+        """Commanded positions (N, n) of the pieces of the log of that number."""
+        seeds = (1000 * self.case.seed + 10 * number + k for k in range(len(self.style.pieces)))
+        return [
+            reference(self.robot, kind, seconds, seed, self.style.rate)
+            for (kind, seconds), seed in zip(self.style.pieces, seeds, strict=True)
+        ]
 
     def log(self, s: Scene, force: FloatArray, noise: FloatArray, number: int) -> JointLog:
         """Log a scene as the robot's sensors see it, with a hidden force."""
@@ -255,3 +260,18 @@ class Maker:
         t = s.t + np.clip(style.jitter * rng.standard_normal(len(s.t)), -0.4, 0.4) / style.rate
         segment = np.cumsum(s.start).astype(np.int64) - 1
         return JointLog(t=t, q=seen, current=current, dq=speed, segment=segment, name=f"log_{number}")
+
+
+def _motion(paths: Sequence[FloatArray], rate: float) -> tuple[FloatArray, ...]:
+    """Positions, velocities, accelerations (N, n), time stamps (N,), and one where a segment starts (N,)."""
+    parts, clock = [], 0.0
+    for path in paths:
+        t = np.arange(len(path)) / rate
+        smooth = zero_phase(path, rate, 4.0)
+        spline = CubicSpline(t, smooth)
+        velocity = CubicSpline(t, spline(t, 1))
+        start = np.zeros(len(t))
+        start[0] = 1.0
+        parts.append((smooth, velocity(t), velocity(t, 1), t + clock, start))
+        clock += float(t[-1]) + 2.0
+    return tuple(np.concatenate([p[k] for p in parts]) for k in range(5))

@@ -125,7 +125,8 @@ def _deleted(task: MeasuredTask, model: CurrentModel, train: list[JointLog], tes
     severity = _size(np.nan_to_num(force)) / (model.gain * _size(_residual(model, train[0])))[task.joint]
     secret = Secret(task.effect, (task.joint,), round(float(severity), 2), {key: float(gone.coefficients[0])})
     left = _residual(model, test[0])
-    truth = Truth(task.name, task.robot, task.kind, (secret,), tuple(_size(left).tolist()), exact_noise=False)
+    least = tuple(_size(left).tolist())
+    truth = Truth(task.name, task.robot, task.kind, (secret,), least, least, exact_noise=False)
     return MeasuredCase(poorer, train, test, truth)
 
 
@@ -141,7 +142,9 @@ def _added(task: MeasuredTask, model: CurrentModel, train: list[JointLog], test:
         force, figures = _force(task, scene, strength)
         logs.append(log.replace(current=(scene.known + force) / model.gain + left))
     secret = Secret(task.effect, (task.joint,), task.severity, figures)
-    truth = Truth(task.name, task.robot, task.kind, (secret,), tuple(_size(residuals[1]).tolist()), exact_noise=False)
+    truth = Truth(
+        task.name, task.robot, task.kind, (secret,), *2 * (tuple(_size(residuals[1]).tolist()),), exact_noise=False
+    )
     return MeasuredCase(baseline_model(model.robot, logs[:1]), logs[:1], logs[1:], truth)
 
 

@@ -5,20 +5,22 @@ from __future__ import annotations
 import time
 import traceback
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from typing import Any
 
 from joblib import parallel_config
 from threadpoolctl import threadpool_limits
 
 from comparisons.hidden_effects.answer import Answer, Truth, answer_of, truth_from, truth_of
-from comparisons.hidden_effects.cases import make
+from comparisons.hidden_effects.cases import Case, Maker, make
 from comparisons.hidden_effects.library import library
 from comparisons.hidden_effects.measured import MeasuredTask, make_measured
 from comparisons.hidden_effects.rivals import RIVALS, ask_rival
 from comparisons.hidden_effects.scoring import Judged
 from comparisons.hidden_effects.suites import Task
+from comparisons.protocols.experiments import Experiments
 from ident.gap import baseline_model, find_gap
+from ident.gap.evidence import evidence
 from ident.log import JointLog
 from ident.model import CurrentModel
 
@@ -31,12 +33,16 @@ LAST_LINES = 1500
 
 @dataclass(frozen=True, eq=False)
 class Problem:
-    """What methods are given: the model before, logs, and whether the model's own parameters are fitted again."""
+    """What methods are given: the model before, logs, and whether the model's own parameters are fitted again.
+
+    ``case`` records further motions of the same robot, where it is a virtual one.
+    """
 
     model: CurrentModel
     train: list[JointLog]
     test: list[JointLog]
     refit: bool
+    case: Case | None = None
 
 
 def work(task: Task | MeasuredTask, methods: Sequence[str], known: Mapping[str, Any] | None = None) -> dict[str, Any]:
@@ -62,7 +68,7 @@ def work(task: Task | MeasuredTask, methods: Sequence[str], known: Mapping[str, 
             return record
         record["truth"] = asdict(truth)
         if WORKFLOW in missing:
-            _ask(record, WORKFLOW, lambda: _workflow(problem))
+            _ask(record, WORKFLOW, lambda: _workflow(problem, truth))
         others = [m for m in missing if m != WORKFLOW]
         shared = library(problem.model, problem.train, problem.refit) if others else None
         for method in others:
@@ -91,13 +97,31 @@ def _problem(task: Task | MeasuredTask) -> tuple[Truth, Problem]:
     made = make(task.case)
     changed = task.case.changed
     model = baseline_model(made.robot, made.clean if changed else made.train)
-    return truth_of(task.case, made, task.kind, task.name), Problem(model, made.train, made.test, not changed)
+    ideal = model if changed else baseline_model(made.robot, made.plain[:3])
+    known = evidence([ideal], made.plain[3:]).after
+    problem = Problem(model, made.train, made.test, not changed, task.case)
+    return truth_of(task.case, made, task.kind, task.name, known), problem
 
 
-def _workflow(problem: Problem) -> Answer:
+def _workflow(problem: Problem, truth: Truth) -> Answer:
     started = time.perf_counter()
-    report = find_gap(problem.model, problem.train, problem.test, refit=problem.refit)
-    return answer_of(report, time.perf_counter() - started)
+    motions = Experiments(problem.model.robot)
+    report = find_gap(problem.model, problem.train, problem.test, refit=problem.refit, motions=motions)
+    answer = answer_of(report, time.perf_counter() - started)
+    open_ones = [f for f in report.findings if f.motions and any(f.joints == s.joints for s in truth.secrets)]
+    if problem.case is None or not open_ones:
+        return answer
+    return replace(answer, settled=_settled(problem, truth, motions[open_ones[0].motions[0]], open_ones[0].joints))
+
+
+def _settled(problem: Problem, truth: Truth, motion: JointLog, joints: tuple[int, ...]) -> bool:
+    """Whether the true name of those joints stands alone with a log of the motion added."""
+    assert problem.case is not None
+    train = [*problem.train, Maker(problem.case).record(motion)]
+    model = baseline_model(problem.model.robot, train) if problem.refit else problem.model
+    report = find_gap(model, train, refit=problem.refit)
+    names = answer_of(report, 0.0).findings
+    return any(n.means(s) and not n.alternatives for n in names for s in truth.secrets if s.joints == joints)
 
 
 def _ask(record: dict[str, Any], method: str, ask: Callable[[], Answer]) -> None:

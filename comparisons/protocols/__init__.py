@@ -48,6 +48,9 @@ __all__ = [
 def named(protocol: str) -> Callable[..., "Protocol"]:
     """Return the protocol of that name: a function of ``(robot, seconds=..., seed=...)``.
 
+    Args:
+        protocol: its name, with hyphens or underscores.
+
     Raises:
         InputError: there is none.
     """

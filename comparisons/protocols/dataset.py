@@ -28,6 +28,11 @@ PRESETS: dict[str, dict[str, tuple[str, dict[str, float]]]] = {
         "hysteresis": ("stop_and_go", {"frames": 60_000}),
         "test": ("mixed", {"frames": 20_000}),
     },
+    "medium": {
+        "continuous": ("continuous", {"frames": 360_000}),
+        "hysteresis": ("stop_and_go", {"frames": 720_000}),
+        "test": ("mixed", {"frames": 60_000}),
+    },
     "identification": {
         "fourier": ("fourier", {"seconds": 120.0}),
         "plateaus": ("plateaus", {"seconds": 600.0}),
@@ -78,7 +83,7 @@ def generate(
 
     Args:
         virtual: the robot recorded.
-        preset: ``paper`` (3.2 million rows, minutes), ``quick``, ``identification`` or ``contact``.
+        preset: ``paper`` (3.2 million rows, minutes), ``medium``, ``quick``, ``identification`` or ``contact``.
         out: folder, made if missing.
         seed: draws motions and noise; the same seed gives the same files.
         progress: called with the set's name and the share of it done (see `comparisons.progress`).

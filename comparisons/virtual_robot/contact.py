@@ -75,6 +75,12 @@ def push_effect(
 
     A torque acts along +q where positive. The wrench [force; moment about the tool's origin] is in base axes and
     counts what acts on the last link: what a force sensor behind the tool would feel of the world.
+
+    Args:
+        kinematics: of the mechanism.
+        pushes: on any links.
+        t: times from the start of the segment [s].
+        q: joint positions there [rad or m].
     """
     torque, wrench = np.zeros_like(q), np.zeros((len(q), 6))
     for push in pushes:

@@ -28,7 +28,14 @@ class ReferenceBlock:
 
 @dataclass(frozen=True)
 class Protocol:
-    """A motion protocol: name, sampling rate [Hz], exact number of rows, and a fresh walk through its blocks."""
+    """A motion protocol: name, sampling rate [Hz], exact number of rows, and a fresh walk through its blocks.
+
+    Attributes:
+        name: of the protocol.
+        rate: samples a second [Hz].
+        frames: rows in all.
+        blocks: called for a fresh walk.
+    """
 
     name: str
     rate: float
@@ -39,13 +46,25 @@ class Protocol:
 def in_blocks(
     q: FloatArray, segment: int = 0, pushes: tuple[Push, ...] = (), rows: int = 4096
 ) -> Iterator[ReferenceBlock]:
-    """Yield positions (N, n) of one segment in blocks of at most ``rows`` rows."""
+    """Yield positions (N, n) of one segment in blocks of at most ``rows`` rows.
+
+    Args:
+        q: commanded positions, (N, n).
+        segment: their number.
+        pushes: of the segment.
+        rows: in a block, at most.
+    """
     for start in range(0, len(q), rows):
         yield ReferenceBlock(q[start : start + rows], segment, pushes)
 
 
 def reblocked(blocks: Iterable[ReferenceBlock], rows: int) -> Iterator[ReferenceBlock]:
-    """Yield the same motion in blocks of exactly ``rows`` rows, except for the last of each segment."""
+    """Yield the same motion in blocks of exactly ``rows`` rows, except for the last of each segment.
+
+    Args:
+        blocks: of a motion, of any length.
+        rows: in a block.
+    """
     held: list[FloatArray] = []
     last: ReferenceBlock | None = None
 

@@ -48,7 +48,13 @@ class Finding:
 
 @dataclass(frozen=True)
 class Unexplained:
-    """What could be explained on a joint and was not named: its signals and its share of the squared residual."""
+    """What could be explained on a joint and was not named: its signals and its share of the squared residual.
+
+    Attributes:
+        joints: from 0.
+        depends_on: signals, such as ``q2`` or ``sign(dq2)``, joints counted from 1.
+        share: of the squared residual, 0 to 1.
+    """
 
     joints: tuple[int, ...]
     depends_on: tuple[str, ...]

@@ -261,7 +261,7 @@ class _Workflow:
             effect.name, effect.family, (gap.joint,), figures, one.p_value, tuple(rivals),
             next_experiment(effect.name, experiments), (term,), one.explained / max(total, 1e-300),
             negative_control(self.panel, gap, named, one),
-            tuple(dict.fromkeys(e.motion for e in experiments.values() if e is not None)),
+            tuple(dict.fromkeys(e.motion for e in experiments.values() if e is not None and e.settles)),
         )  # fmt: skip
 
     def experiment(self, gap: JointGap, one: Trial, other: Trial | None, besides: Sequence[Trial]) -> Experiment | None:
