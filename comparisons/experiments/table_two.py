@@ -112,7 +112,7 @@ class Rows:
     def _network(self, row: str, method: str, seed: int) -> Iterator[Contestant]:
         physics = self._model(SLIP, *MODELS[SLIP]) if method == "hybrid" else None
         workshop = Workshop(self.folder, self.data.robot, self.data.train, self.progress)
-        options = self._options(method, seed)
+        options = network_options(method, self.preset, self.epochs, seed, self.device)
         below = None if physics is None or isinstance(physics.model, LearnedModel) else physics.model
         model, seconds = workshop.network(f"{method}-seed{seed}", method, options, below)
         if method != "hrdl-md":
@@ -123,12 +123,14 @@ class Rows:
             part = model.truncated(number)
             yield Contestant(f"{method}-{number}-seed{seed}", name, part, seconds=whole, seed=seed)
 
-    def _options(self, method: str, seed: int) -> TrainingOptions:
-        own = training_options(method, self.preset, self.epochs, seed, self.device)
-        if self.preset != "quick":
-            return own
-        faster = dataclasses.replace(own, **QUICK, learning_rate=2.0 * own.learning_rate)
-        return faster if self.epochs is None else dataclasses.replace(faster, epochs=self.epochs)
+
+def network_options(method: str, preset: Preset, epochs: int | None, seed: int, device: str | None) -> TrainingOptions:
+    """Return how a network of the table learns; arguments as of `sensorless compare`."""
+    own = training_options(method, preset, epochs, seed, device)
+    if preset != "quick":
+        return own
+    faster = dataclasses.replace(own, **QUICK, learning_rate=2.0 * own.learning_rate)
+    return faster if epochs is None else dataclasses.replace(faster, epochs=epochs)
 
 
 def table_two(

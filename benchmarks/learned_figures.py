@@ -1,0 +1,181 @@
+"""What the models of Table II do at rest, with a changed payload, and with a tenth of the data.
+
+Run ``python benchmarks/learned_figures.py drift|payload|tenth --table DIR`` after ``python -m
+comparisons.experiments.table_two --out DIR``, whose logs and models it takes; it prints JSON. RMSE is in %Use, against
+the current as logged; where one number is given it is the mean over the joints.
+"""
+
+from __future__ import annotations
+
+import os
+
+os.environ.setdefault("OMP_NUM_THREADS", "1")
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+
+import argparse
+import json
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import torch
+
+from comparisons.comparison.methods import FAMILIES
+from comparisons.comparison.workshop import DONE
+from comparisons.experiments.table_two import network_options
+from comparisons.protocols import named
+from comparisons.virtual_robot import VirtualRobot
+from ident.arrays import FloatArray
+from ident.identification import identify
+from ident.log import JointLog
+from ident.predictor import CurrentPredictor
+from ident.readers import open_logs
+from ident.robot import load_robot
+from learned.adaptation import adapt_payload
+from learned.fine_tuning import fine_tune
+from learned.predictor import LearnedModel
+from learned.training import train
+
+SEEDS = (0, 1, 2)
+MASS, COM, INERTIA = 2.0, (0.02, -0.01, 0.1), (0.006, 0.006, 0.003)
+"""The payload that nobody tells of [kg, m, kg m^2]: half of what the arm may carry."""
+
+ADAPTING, PIECES = 4.0, 8
+"""Length [s] of the motion to adapt on, and how many of them are tried."""
+
+SHORT_OF_A_START = 100
+"""Rows left out at the start of a log: nobody knows yet how the joints came to rest."""
+
+MORE_EPOCHS = 20
+"""Passes over a tenth of the frames, at most."""
+
+REST, JUST_STOPPED = 600.0, (0.3, 1.0, 5.0)
+"""Time at rest [s], and moments after the stop [s] from which the change of the estimate is taken."""
+
+
+class Table:
+    """Logs and models of a run of table_two."""
+
+    def __init__(self, folder: Path) -> None:
+        self.folder = folder
+        self.virtual = VirtualRobot(load_robot("vs060"))
+
+    def model(self, name: str) -> LearnedModel:
+        """Return a trained model by its name, ``hrdl-md-seed0`` for instance."""
+        found = [p.parent for p in (self.folder / "models").glob(f"{name}-*/{DONE}")]
+        if len(found) != 1:
+            raise SystemExit(f"{len(found)} models named {name} in {self.folder}")
+        return LearnedModel.load(found[0], self.virtual.robot)
+
+    def logs(self, *names: str) -> list[JointLog]:
+        """Return logs of the data set by the beginnings of their names."""
+        paths = [self.folder / "data" / f"{name}*.parquet" for name in names]
+        return [source.read() for source in open_logs(paths, self.virtual.robot)]
+
+
+def rmse(model: CurrentPredictor, logs: list[JointLog]) -> FloatArray:
+    """RMSE (n,) of a model on logs, their beginnings left out."""
+    errors = [(model.predict(log, causal=True) - log.current)[SHORT_OF_A_START:] for log in logs]
+    return np.asarray(np.sqrt(np.nanmean(np.concatenate(errors) ** 2, axis=0)))
+
+
+def stops(log: JointLog, count: int) -> list[int]:
+    """Rows, evenly spread, at which all joints have just come to rest after a motion and stay there for a second."""
+    moved = np.abs(np.diff(log.q, axis=0)).max(axis=1) > 2e-4
+    still = np.array([not moved[k : k + 100].any() for k in range(len(moved) - 100)])
+    found = [k for k in range(1000, len(still)) if still[k] and not still[k - 1] and moved[k - 50 : k].any()]
+    return [found[k] for k in np.linspace(0, len(found) - 1, count).round().astype(int)]
+
+
+def drift(table: Table) -> dict[str, Any]:
+    """How far estimates move in ten minutes in which nothing does, from some moments after the stop on."""
+    (log,) = table.logs("test_001")
+    held = round(REST * log.rate)
+    parts = []
+    for row in stops(log, 3):
+        before = log[row - 1000 : row + 1]
+        q = np.concatenate([before.q, np.repeat(before.q[-1:], held, axis=0)])
+        parts.append(JointLog(np.arange(len(q)) / log.rate, q, np.zeros_like(q)))
+    result = {}
+    for method in ("mlp", "lstm", "rdl-md", "hrdl-md", "hybrid"):
+        model = table.model(f"{method}-seed0")
+        changes: dict[str, list[float]] = {f"from {s} s": [] for s in JUST_STOPPED}
+        for part in parts:
+            predicted = model.predict(part, causal=True)[1000:]
+            for s in JUST_STOPPED:
+                later = predicted[round(s * log.rate) :]
+                changes[f"from {s} s"].append(float(np.abs(later - later[0]).max()))
+        result[method] = {moment: max(values) for moment, values in changes.items()}
+    return result
+
+
+def payload(table: Table) -> dict[str, Any]:
+    """RMSE with a payload of 2 kg that the models do not know, as they are, adapted, and fine-tuned."""
+    virtual = table.virtual
+    load = virtual.scenario.with_effect("payload", mass=MASS, com=COM, inertia=INERTIA)
+    carrying = VirtualRobot(virtual.robot, load)
+    motion = named("mixed")(virtual.robot, frames=20_000, seed=41)
+    free, loaded = virtual.record(motion, 41), carrying.record(motion, 42)
+    pieces = [named("continuous")(virtual.robot, seconds=ADAPTING, seed=50 + k) for k in range(PIECES)]
+    short = [carrying.record(piece, 50 + k) for k, piece in enumerate(pieces)]
+    reference = table.logs("hysteresis_000")[0][:20_000]
+    result: dict[str, Any] = {}
+    for method in ("hrdl-md", "hybrid"):
+        for seed in SEEDS:
+            model = table.model(f"{method}-seed{seed}")
+            before = rmse(model, [free])
+            ways: dict[str, Callable[[JointLog], CurrentPredictor]] = {
+                "adapted": lambda log, model=model: adapt_payload(model, virtual.robot, log, reference),
+                "fine-tuned": lambda log, model=model: fine_tune(model, log),
+                "fine-tuned hard": lambda log, model=model: fine_tune(model, log, learning_rate=1e-3, anchor=0.1),
+            }
+            found = {way: np.array([rmse(make(log), [loaded]) for log in short]) for way, make in ways.items()}
+            result[f"{method}, seed {seed}"] = {
+                "before": before.mean(),
+                "with payload": rmse(model, [loaded]).mean(),
+                **{way: _over(each.mean(axis=1) / before.mean()) for way, each in found.items()},
+                "before, joints": before,
+                "adapted, joints": np.median(found["adapted"], axis=0),
+                "mass found": [adapt_payload(model, virtual.robot, log, reference).payload[0] for log in short],
+            }
+    return result
+
+
+def _over(ratios: FloatArray) -> dict[str, float]:
+    return {"median": float(np.median(ratios)), "worst": float(ratios.max())}
+
+
+def tenth(table: Table) -> dict[str, Any]:
+    """RMSE on the test logs of hybrids, physics included, from a tenth of the frames, and of others from all."""
+    robot, tests = table.virtual.robot, table.logs("test")
+    moving, stopping = table.logs("continuous_000", "hysteresis_000")
+    more = table.logs("hysteresis_001")[0]
+    logs = [moving[: len(moving) * 6 // 10], stopping, more[: len(more) // 5]]
+    rows = sum(map(len, logs))
+    physics = identify(robot, logs, effects=FAMILIES["maxwell-slip"]).model
+    result: dict[str, Any] = {"frames": rows, "physics of a tenth": rmse(physics, tests)}
+    for seed in SEEDS:
+        options = network_options("hybrid", "quick", MORE_EPOCHS, seed, "cpu")
+        model = train(robot, logs, None, "hybrid", options, physics=physics)
+        result[f"hybrid of a tenth, seed {seed}"] = rmse(model, tests)
+        for method in ("hrdl-md", "hybrid"):
+            result[f"{method} of all, seed {seed}"] = rmse(table.model(f"{method}-seed{seed}"), tests)
+    return result
+
+
+WHAT: dict[str, Callable[[Table], dict[str, Any]]] = {"drift": drift, "payload": payload, "tenth": tenth}
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("what", choices=list(WHAT))
+    parser.add_argument("--table", type=Path, required=True, help="directory of table_two")
+    given = parser.parse_args()
+    torch.set_num_threads(1)
+    found = WHAT[given.what](Table(given.table))
+    print(json.dumps(found, indent=2, default=lambda value: np.round(value, 4).tolist()))
+
+
+if __name__ == "__main__":
+    main()
