@@ -5,6 +5,7 @@ import json
 import numpy as np
 import pytest
 
+from comparisons.comparison.methods import training_options
 from comparisons.comparison.run import summary
 from comparisons.experiments.data import paper_data
 from comparisons.experiments.table_three import deadzones, table_three, table_three_page
@@ -91,3 +92,20 @@ def test_deadzones_in_current_and_torque():
 def test_table_three_asks_for_table_two(tmp_path):
     with pytest.raises(InputError, match=r"no table_two\.json"):
         table_three(out=tmp_path)
+
+
+def test_quick_networks_see_more_data_in_larger_batches_and_the_papers_are_the_papers():
+    from comparisons.experiments.table_two import network_options
+    from learned.options import TrainingOptions
+
+    quick = network_options("hybrid", "quick", None, 3, "cpu")
+    own = training_options("hybrid", "quick", None, 3, "cpu")
+    assert (quick.epochs, quick.batch, quick.seed, quick.width) == (4, 512, 3, own.width)
+    assert quick.learning_rate / quick.batch == own.learning_rate / own.batch
+    assert network_options("hybrid", "quick", 2, 3, "cpu").epochs == 2
+    assert network_options("mlp", "paper", None, 0, None) == TrainingOptions()
+
+
+def test_page_says_what_was_named(result):
+    page = table_two_page(result | {"named": {"payload": [], "maxwell-slip": [4, 2]}})
+    assert "Named effects: `payload` on the whole robot; `maxwell-slip` on joints 2, 4." in page

@@ -7,6 +7,7 @@ import torch
 from ident.effects.base import initial_term
 from ident.effects.friction import Viscous
 from ident.errors import InputError
+from ident.log import JointLog
 from ident.model import CurrentModel
 from ident.predictor import CurrentPredictor
 from ident.robot import load_robot
@@ -173,3 +174,16 @@ def test_broken_folders_are_refused(tmp_path, random_model):
     (tmp_path / "weights.npz").write_bytes(b"nothing")
     with pytest.raises(InputError, match="broken trained model"):
         LearnedModel.load(tmp_path)
+
+
+@pytest.mark.parametrize("method", ["rdl-md", "hrdl-md"])
+def test_ten_minutes_at_rest_change_nothing(method, stop_and_go, random_model):
+    motion = stop_and_go(7, seconds=20.0)
+    q = np.concatenate([motion.q, np.repeat(motion.q[-1:], 60_000, axis=0)])
+    log = JointLog(np.arange(len(q)) / 100.0, q, np.zeros_like(q))
+    model = LearnedModel(random_model(method, width=8))
+    rest = model.predict(log)[len(motion) + 200 :]
+    np.testing.assert_allclose(rest, np.broadcast_to(rest[0], rest.shape), rtol=0.0, atol=1e-5)
+    # nor has it forgotten the way that it came
+    fresh = model.predict(log[len(motion) :])[-1]
+    assert np.abs(rest[-1] - fresh).max() > 1e-3
