@@ -162,7 +162,7 @@ class Elasticity(Effect):
         links, joint = context.needed("links", self.name), self.at
         load = np.ascontiguousarray(context.needed("load", self.name)[:, joint])
         body, q, rest = context.robot.rigid_body, context.motion.q, np.zeros_like(context.motion.q)
-        inertia = body.mass_matrix(q, links)[:, joint, joint]
+        inertia = context.mass_matrix[:, joint, joint]
         step = np.zeros(context.robot.n)
         step[joint] = 1e-4
         sides = [body.inverse_dynamics(q + sign * step, rest, rest, links)[:, joint] for sign in (1.0, -1.0)]

@@ -22,6 +22,9 @@ BOUND = 0.01
 
 GOLDEN = 0.381966
 
+TOGETHER = 32
+"""Starting shapes that are looked at in one matrix product."""
+
 
 @dataclass(frozen=True, eq=False)
 class Trial:
@@ -71,30 +74,38 @@ def usable(
     """Columns (N, k) of an effect in all of a joint's rows, and those (k,) whose coefficients keep to their bounds."""
     columns = panel.columns(effect, shape, joint)
     lower = np.array([c.lower for c in effect.coefficients(panel.robot)])
-    return columns, problem.admissible(columns[problem.keep], lower)
+    if not np.isfinite(lower).any():
+        return columns, np.ones(columns.shape[1], dtype=bool)
+    return columns, problem.admissible(problem.of(columns), lower)
 
 
 def admissible(panel: Panel, problem: JointProblem, effect: Effect, shape: FloatArray, joint: int) -> FloatArray:
     """Columns (N, k) of an effect in a problem's rows, without those whose coefficients would break their bounds."""
     columns, used = usable(panel, problem, effect, shape, joint)
-    return columns[problem.keep][:, used]
+    return problem.of(columns) if used.all() else problem.of(columns)[:, used]
 
 
 def coefficients(panel: Panel, problem: JointProblem, trial: Trial, joint: int) -> FloatArray:
     """Linear parameters (k,) of a trial fitted to a problem's rows; those at their bounds are nought."""
     columns, used = usable(panel, problem, trial.effect, trial.shape, joint)
     values = np.zeros(columns.shape[1])
-    values[used] = problem.fit(columns[problem.keep][:, used])[problem.matrix.shape[1] :]
+    values[used] = problem.fit(problem.of(columns)[:, used])[problem.matrix.shape[1] :]
     return values
 
 
 def screen(panel: Panel, gate: Gate, effect: Effect, joint: int) -> Trial:
     """Try an effect at all its starting shapes, on the residual and on its surrogates."""
     best: Trial | None = None
-    for shape in grid(effect.shapes):
-        drop, statistic = gate.look(admissible(panel, gate.problem, effect, shape, joint))
-        if best is None or drop > best.drop:
-            best = Trial(effect, shape, drop, statistic)
+    shapes = list(grid(effect.shapes))
+    for first in range(0, len(shapes), TOGETHER):
+        some = shapes[first : first + TOGETHER]
+        tried = [admissible(panel, gate.problem, effect, shape, joint) for shape in some]
+        for k in {columns.shape[1] for columns in tried}:
+            same = [i for i, columns in enumerate(tried) if columns.shape[1] == k]
+            drops, statistics = gate.look([tried[i] for i in same])
+            top = int(np.argmax(drops))
+            if best is None or drops[top] > best.drop:
+                best = Trial(effect, some[same[top]], float(drops[top]), float(statistics[top]))
     assert best is not None
     return best
 

@@ -32,7 +32,7 @@ def inconstancy(panel: Panel, survey: Survey, gap: JointGap, named: list[Named])
         columns = admissible(panel, others, one.effect, one.trial.shape, gap.joint)
         for part in parts:
             varying = np.hstack([columns * (part == k)[:, None] for k in (0, 2)])
-            drop, statistic = gate.look(np.asarray(varying, dtype=np.float64))
-            chance = drop / statistic if statistic > 0 else 0.0
-            worst = max(worst, drop - chance)
+            drops, statistics = gate.look([varying])
+            chance = drops[0] / statistics[0] if statistics[0] > 0 else 0.0
+            worst = max(worst, float(drops[0] - chance))
     return worst / max(explained, 1e-300)

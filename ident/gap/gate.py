@@ -9,16 +9,18 @@ surrogates' best (max-T, Westfall and Young 1993), extrapolated by a Gumbel law 
 from __future__ import annotations
 
 import itertools
-from typing import Any
+from collections.abc import Sequence
 
 import numpy as np
-import numpy.typing as npt
 
 from ident.arrays import FloatArray, IntArray
 from ident.gap.panel import Float32Array, JointProblem, sizes
 
 SURROGATES = 50
 EULER = 0.5772156649
+
+ABSORBED = 1e-3
+"""Share of a column's length that the baseline must leave for it to count."""
 
 
 class Gate:
@@ -27,34 +29,40 @@ class Gate:
     def __init__(self, problem: JointProblem, starts: IntArray, seed: int = 0) -> None:
         self.problem = problem
         self.starts = starts
-        self.residual = problem.residual.astype(np.float32)
-        self.surrogates = surrogates(problem.residual, starts, SURROGATES, np.random.default_rng([seed, len(problem)]))
+        rng = np.random.default_rng([seed, len(problem)])
+        drawn = surrogates(problem.residual, starts, SURROGATES, rng)
+        self.targets = np.column_stack([problem.residual.astype(np.float32), drawn])
         self.largest = np.zeros(SURROGATES)
 
-    def look(self, columns: FloatArray) -> tuple[float, float]:
-        """Fit columns (N, k) to the residual and to every surrogate.
+    def look(self, tried: Sequence[FloatArray]) -> tuple[FloatArray, FloatArray]:
+        """Fit columns to the residual and to every surrogate.
+
+        Args:
+            tried: columns (N, k) of each form that is tried, k the same for all.
 
         Returns:
-            The fall of the squared residual, and how many times that of the mean surrogate it is.
+            The fall of the squared residual with each, and how many times that of the mean surrogate it is.
         """
-        if columns.shape[1] == 0:
-            return 0.0, 0.0
+        k = tried[0].shape[1]
+        if k == 0:
+            return np.zeros(len(tried)), np.zeros(len(tried))
+        columns = np.hstack(tried)
         whole = sizes(columns)
         scaled = (columns / np.where(whole > 0, whole, 1.0)).astype(np.float32)
         basis = self.problem.coarse_basis
         own = scaled - basis @ (basis.T @ scaled)
         size = sizes(own)
-        used = size > 1e-3
-        if not used.any():
-            return 0.0, 0.0
-        own = orthonormal(own[:, used] / size[used]).T
-        drop = float(np.sum((own @ self.residual) ** 2))
-        chance = np.sum((own @ self.surrogates) ** 2, axis=0)
-        mean = float(chance.mean())
-        if mean <= 0.0:
-            return drop, 0.0
-        np.maximum(self.largest, chance / mean, out=self.largest)
-        return drop, drop / mean
+        # What the baseline absorbs keeps its length of nearly nought, and so takes no part.
+        own /= np.where(size > ABSORBED, size, np.float32(np.inf))
+        parts = (own.T @ self.targets).reshape(len(tried), k, -1).astype(np.float64)
+        forms = own.reshape(len(own), len(tried), k).transpose(1, 2, 0)
+        gram = (forms @ forms.transpose(0, 2, 1)).astype(np.float64) + 1e-6 * np.eye(k)
+        falls = np.einsum("ikr,ikr->ir", parts, np.linalg.solve(gram, parts))
+        drop, chance = falls[:, 0], falls[:, 1:]
+        mean = chance.mean(axis=1, keepdims=True)
+        relative = np.divide(chance, mean, out=np.zeros_like(chance), where=mean > 0.0)
+        np.maximum(self.largest, relative.max(axis=0), out=self.largest)
+        return drop, np.divide(drop, mean[:, 0], out=np.zeros_like(drop), where=mean[:, 0] > 0.0)
 
     def statistic(self, columns: FloatArray) -> float:
         """The statistic of columns (N, k) against surrogates of what is left with them fitted.
@@ -67,7 +75,7 @@ class Gate:
         used = size > 1e-6 * np.maximum(sizes(columns), 1e-300)
         if not used.any():
             return 0.0
-        own = orthonormal(own[:, used] / size[used])
+        own = np.linalg.qr(own[:, used] / size[used])[0]
         part = own.T @ self.problem.residual
         rng = np.random.default_rng(len(columns))
         drawn = surrogates(self.problem.residual - own @ part, self.starts, SURROGATES, rng)
@@ -83,15 +91,6 @@ class Gate:
         place = float(self.largest.mean()) - EULER * scale
         tail = float(-np.expm1(-np.exp(-(statistic - place) / scale)))
         return max(tail, 1e-6)
-
-
-def orthonormal(columns: npt.NDArray[Any]) -> npt.NDArray[Any]:
-    """Orthonormal columns (N, k) that span few columns of unit length (N, k); by Cholesky, as N is large."""
-    if columns.shape[1] == 1:
-        return columns
-    gram = columns.T.astype(np.float64) @ columns
-    root = np.linalg.cholesky(gram + 1e-7 * np.eye(len(gram)))
-    return np.asarray(columns @ np.linalg.inv(root).T.astype(columns.dtype))
 
 
 def surrogates(residual: FloatArray, starts: IntArray, count: int, rng: np.random.Generator) -> Float32Array:

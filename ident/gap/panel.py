@@ -162,6 +162,7 @@ class JointProblem:
 
     def __init__(self, matrix: FloatArray, target: FloatArray, fold: IntArray, keep: BoolArray) -> None:
         self.keep = np.flatnonzero(keep)
+        self._all = len(keep)
         size = sizes(matrix[self.keep])
         self.norm = np.where(size > 0, size, 1.0)
         self.matrix = matrix[self.keep] / self.norm
@@ -174,6 +175,10 @@ class JointProblem:
 
     def __len__(self) -> int:
         return len(self.target)
+
+    def of(self, columns: FloatArray) -> FloatArray:
+        """The rows that count of columns (M, k) in all rows."""
+        return columns if len(self) == self._all else columns[self.keep]
 
     @cached_property
     def basis(self) -> FloatArray:
