@@ -32,7 +32,8 @@ class CurrentModel:
         rate: sampling rate [Hz] of the logs it was identified from; filters of ``step`` are designed for it.
         gain: force unit per unit of current, (n,); ones where the gains are unknown.
         force_unit: unit of the model's forces: N m where the drive gains are known, else the current's unit.
-        positions_only: whether velocities come from the positions even where a log holds them, since they lag.
+        positions_only: whether velocities come from the positions even where a log holds them, since those lag or
+            are noisier.
     """
 
     robot: Robot
@@ -121,10 +122,14 @@ class CurrentModel:
             predicted[segment] = self.force(motion[segment], self.start()) / self.gain
         return predicted
 
+    def view(self, source: LogSource) -> LogSource:
+        """Return a log as the model looks at it: without its velocities where those are not used."""
+        return PositionsOnly(source) if self.positions_only else source
+
     def predict_blocks(self, source: LogSource) -> Iterator[tuple[JointLog, FloatArray]]:
         """Walk a log and yield (rows, predicted current (rows, n)) with zero-phase filters, in bounded memory."""
         memories = self.start()
-        for block in walk(PositionsOnly(source) if self.positions_only else source, self.cutoff):
+        for block in walk(self.view(source), self.cutoff):
             if block.first:
                 memories = self.start()
             yield block.log, self.force(block.motion, memories) / self.gain

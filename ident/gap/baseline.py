@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Callable, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ident.arrays import FloatArray
-from ident.effects.base import Effect
 from ident.effects.friction import Coulomb, VelocityEffect
 from ident.fit import Drives, fit
 from ident.gap.panel import JointProblem, Panel
@@ -40,27 +39,48 @@ def baseline_model(
         progress: told what is being done and the share of it that is done.
     """
     found = identify(robot, train, cutoff=cutoff, effects=EFFECTS, progress=progress)
-    model = found.model
+    tried = [_smoothed(found.model, train)]
+    if any(block.dq is not None for source in train for block in itertools.islice(source.blocks(2), 1)):
+        tried.append(_smoothed(replace(found.model, positions_only=True), train))
+    # Logged velocities may be noisier than those that the positions give.
+    best = min(tried, key=lambda one: one.error)
+    effects = [term.effect for term in best.model.terms]
+    views = [best.model.view(source) for source in train]
+    fitted = fit(robot, effects, views, best.model.cutoff, Drives(best.model.gain, best.model.force_unit)).model
+    return replace(fitted, positions_only=best.model.positions_only)
+
+
+@dataclass(frozen=True, eq=False)
+class _Smoothed:
+    """A model whose signs of velocity turn as the logs ask for, and its held-out error over all joints."""
+
+    model: CurrentModel
+    error: float
+
+
+def _smoothed(model: CurrentModel, train: Sequence[LogSource]) -> _Smoothed:
     panel = panel_of(model, train)
-    smoothing = np.array([_smoothing(model, panel, j) for j in range(robot.n)])
-    effects = [_smoothed(term.effect, smoothing) for term in model.terms]
-    return fit(robot, effects, train, model.cutoff, Drives(model.gain, model.force_unit)).model
+    found = [_smoothing(model, panel, j) for j in range(model.n)]
+    smoothing = [width for width, _ in found]
+    terms = tuple(
+        replace(term, effect=replace(term.effect, smoothing=smoothing[term.effect.at]))
+        if isinstance(term.effect, VelocityEffect)
+        else term
+        for term in model.terms
+    )
+    return _Smoothed(replace(model, terms=terms), float(np.sum(np.log([error for _, error in found]))))
 
 
-def _smoothed(effect: Effect, smoothing: FloatArray) -> Effect:
-    if isinstance(effect, VelocityEffect):
-        return replace(effect, smoothing=float(smoothing[effect.at]))
-    return effect
-
-
-def _smoothing(model: CurrentModel, panel: Panel, joint: int) -> float:
-    """The smoothing with which a joint's rows are fitted best."""
+def _smoothing(model: CurrentModel, panel: Panel, joint: int) -> tuple[float, float]:
+    """The smoothing with which a joint's rows are fitted best, and the mean squared held-out error with it."""
     own = [t for t in model.terms if t.effect.joint in (None, joint)]
     friction = next((t.effect for t in own if isinstance(t.effect, Coulomb)), None)
-    if friction is None:
-        return float(SMOOTHINGS[0])
     others = [panel.columns(t.effect, t.shape, joint) for t in own if not isinstance(t.effect, Coulomb)]
     everything = np.ones(len(panel), dtype=bool)
     problem = JointProblem(np.hstack(others), panel.force[:, joint], panel.fold, everything)
-    drops = [problem.drop(panel.columns(replace(friction, smoothing=s), np.zeros(0), joint)) for s in SMOOTHINGS]
-    return float(SMOOTHINGS[int(np.argmax(drops))])
+    width, columns = float(SMOOTHINGS[0]), None
+    if friction is not None:
+        tried = [panel.columns(replace(friction, smoothing=s), np.zeros(0), joint) for s in SMOOTHINGS]
+        best = int(np.argmax([problem.drop(c) for c in tried]))
+        width, columns = float(SMOOTHINGS[best]), tried[best]
+    return width, max(problem.errors(columns).total / len(panel), 1e-300)

@@ -22,7 +22,7 @@ FOLDS = 4
 
 def panel_of(model: CurrentModel, sources: Sequence[LogSource], limit: int = ROWS) -> Panel:
     """Gather rows of logs, with what effects see of them under the model; folds are logs, or parts of few logs."""
-    blocks = collect(sources, model.cutoff)
+    blocks = collect([model.view(source) for source in sources], model.cutoff)
     total = sum(int(block.keep.sum()) for block in blocks)
     every = max(1, -(-total // limit))
     rows = [np.flatnonzero(block.keep)[::every] for block in blocks]

@@ -31,7 +31,7 @@ from ident.gap.spectrum import spectral_line
 from ident.gap.touch import Touches, find_touches, row_step
 from ident.gap.velocity_lag import velocity_lag
 from ident.gap.whole import Whole, columns_of, whole_effect
-from ident.log import JointLog, LogSource, PositionsOnly
+from ident.log import JointLog, LogSource
 from ident.model import CurrentModel
 
 Progress = Callable[[str, float], None]
@@ -92,13 +92,15 @@ class _Workflow:
 
     def run(self) -> GapReport:
         self.tell("reading logs", 0.0)
+        self.lag = velocity_lag(self.train, self.model.cutoff)
+        if self.lag is not None:
+            logged = replace(self.model, positions_only=False)
+            self.start = self.fitted(logged, []) if self.refit else logged
+            self.model = replace(self.model, positions_only=True)
         if self.refit:
             self.model = self.fitted(self.model, [])
-        self.start, self.lag = self.model, velocity_lag(self.train, self.model.cutoff)
-        if self.lag is not None:
-            self.train = [PositionsOnly(source) for source in self.train]
-            self.model = replace(self.model, positions_only=True)
-            self.model = self.fitted(self.model, []) if self.refit else self.model
+        if self.lag is None:
+            self.start = self.model
         self.panel = panel_of(self.model, self.train)
         if len(self.panel) < 200:
             raise InputError("too few rows", ", ".join(s.name for s in self.train), "give longer logs")
@@ -288,5 +290,6 @@ class _Workflow:
         everything = [*model.terms, *terms]
         effects, shapes = [t.effect for t in everything], [t.shape for t in everything]
         drives = Drives(model.gain, model.force_unit)
-        found = fit(model.robot, effects, self.train, model.cutoff, drives, shapes=shapes).model
+        views = [model.view(source) for source in self.train]
+        found = fit(model.robot, effects, views, model.cutoff, drives, shapes=shapes).model
         return replace(found, positions_only=model.positions_only)
