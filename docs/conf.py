@@ -1,6 +1,11 @@
 """Sphinx configuration; nothing in it needs the network."""
 
 import importlib.metadata
+import re
+
+from docutils import nodes
+from docutils.utils.math.latex2mathml import tex2mathml
+from sphinx.util.inspect import TypeAliasForwardRef
 
 project = "Sensorless"
 author = "The Sensorless authors"
@@ -12,6 +17,10 @@ exclude_patterns = ["_build", "jupyter_execute"]
 
 html_theme = "furo"
 html_title = f"{project} {release}"
+html_static_path = ["_static"]
+html_css_files = ["pages.css"]
+# Formulas are made into MathML here, which browsers draw by themselves; MathJax would have to be fetched.
+html_math_renderer = "mathml"
 
 myst_enable_extensions = ["colon_fence", "deflist", "dollarmath"]
 myst_heading_anchors = 3
@@ -29,6 +38,8 @@ autodoc_typehints = "description"
 autodoc_typehints_description_target = "documented"
 autodoc_default_options = {"members": True, "exclude-members": "model_config"}
 autodoc_type_aliases = {name: name for name in ("FloatArray", "IntArray", "BoolArray", "Array")}
+# In a union such as ``FloatArray | None`` Sphinx would show its own class around the name.
+TypeAliasForwardRef.__repr__ = lambda alias: alias.name
 # Attributes of a dataclass stand in its docstring; listed as members too they would be there twice.
 napoleon_use_ivar = True
 napoleon_google_docstring = True
@@ -40,5 +51,34 @@ def plain_bars(app, what, name, obj, options, lines):
     lines[:] = [line.replace("|", r"\|") for line in lines]
 
 
+def one_name_each(app, what, name, obj, options, lines):
+    """Give each of ``lower, upper: text`` an entry of its own; Sphinx would take the first name for a type."""
+    written = []
+    for line in lines:
+        several = re.match(r"( +)(\w+(?:, \w+)+): (.*)", line)
+        if several:
+            indent, names, text = several.groups()
+            *before, last = names.split(", ")
+            written += [f"{indent}{one}: see ``{last}``." for one in before]
+            line = f"{indent}{last}: {text}"
+        written.append(line)
+    lines[:] = written
+
+
+def mathml(translator, node):
+    """Write a formula as MathML; a size of brackets is left to the browser."""
+    block = isinstance(node, nodes.math_block)
+    formula = tex2mathml(re.sub(r"\\[bB]igg?(?![a-zA-Z])", "", node.astext()), as_block=block)
+    # as accents, dots are drawn into the letter below
+    formula = formula.replace(' accent="true"', "")
+    if block:
+        formula = f'<div class="math" style="overflow-x: auto; margin: 1em 0">{formula}</div>'
+    translator.body.append(formula)
+    raise nodes.SkipNode
+
+
 def setup(app):
+    app.add_html_math_renderer("mathml", inline_renderers=(mathml, None), block_renderers=(mathml, None))
+    # before and after Napoleon, which has 500
+    app.connect("autodoc-process-docstring", one_name_each, priority=400)
     app.connect("autodoc-process-docstring", plain_bars, priority=900)
