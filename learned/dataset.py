@@ -111,7 +111,7 @@ def build(
         InputError: a log has other joints or does not fit the rate, or no row of any log can be used.
     """
     store = _Store(folder)
-    moments = Moments(3 * spec.n), Moments(spec.discriminator.count * spec.n)
+    moments = Moments(3 * spec.n), Moments(spec.discriminator.rows(spec.n) * spec.n)
     rows: list[IntArray] = []
     first = 0
     for number, source in enumerate(logs):

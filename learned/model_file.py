@@ -132,7 +132,7 @@ def _assemble(text: dict[str, Any], arrays: dict[str, Array]) -> TrainedModel:
     spec["thresholds"] = tuple(tuple(t) if isinstance(t, list) else t for t in spec["thresholds"])
     architecture, discriminator = Architecture(**shape), DiscriminatorSpec(**spec)
     n = architecture.n
-    frame, held = architecture.frame, discriminator.count * architecture.frame // 3
+    frame, held = architecture.frame, discriminator.rows(n) * architecture.frame // 3
     wanted = {"frame_mean": frame, "frame_gain": frame, "held_mean": held, "held_gain": held, "output_offset": n}
     for name, size in wanted.items():
         if arrays[name].shape != (size,):

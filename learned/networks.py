@@ -97,6 +97,7 @@ class Architecture:
         blocks: blocks one after another, with a skip round each where ``residual``.
         residual: whether blocks have skips.
         channels: numbers in a frame; 0 is q, dq and ddq of the n joints.
+        apart: whether each output has neurons of its own, which see its own joint's motion alone.
     """
 
     method: Method
@@ -108,6 +109,7 @@ class Architecture:
     blocks: int = 1
     residual: bool = False
     channels: int = 0
+    apart: bool = False
 
     @property
     def frames(self) -> int:
@@ -199,8 +201,8 @@ def architecture(
     Args:
         method: one of ``METHODS``.
         n: joints.
-        thresholds: thresholds of the discriminator; when they are as many as Table I's, each hierarchy sees a group of
-            that table, else all of them.
+        thresholds: values that the discriminator holds for a joint; when they are as many as Table I's, each hierarchy
+            of hrdl-md sees a group of that table, else all of them.
         hierarchies: of hrdl, hrdl-md and hybrid.
         width: neurons of a hidden layer (256; the LSTM 64).
         memory: frames M (the LSTM sees 100).
@@ -219,6 +221,6 @@ def architecture(
         return Architecture(method, n, memory, (group,), size, depth, blocks=3, residual=method != "mlp")
     groups: tuple[tuple[int, int], ...] = ((0, 0),) * hierarchies
     if method != "hrdl":
-        whole = thresholds == sum(len(group) for group in TABLE_I)
+        whole = method == "hrdl-md" and thresholds == sum(len(group) for group in TABLE_I)
         groups = table_i_groups(hierarchies) if whole else ((0, thresholds),) * hierarchies
-    return Architecture(method, n, memory, groups, size, depth)
+    return Architecture(method, n, memory, groups, size, depth, apart=method == "hybrid")

@@ -81,20 +81,18 @@ class TrainingOptions:
 def suggested(method: str) -> TrainingOptions:
     """Return options to begin with: the paper's, but for a ``hybrid``, which corrects a model that is nearly right.
 
-    What physics leaves is mostly noise, so a hybrid has one small network, pulled towards nothing; and since it is no
-    method of the paper, it remembers displacements, which do not ring.
-
-    Args:
-        method: one of `learned.networks.METHODS`.
+    What physics leaves hangs together along a motion, so a network that sees all joints learns the motions by heart: a
+    hybrid has a small network for each joint, which sees that joint alone and how far the others have gone since it
+    stopped. Since it is no method of the paper, it remembers displacements, which do not ring.
     """
     if method != "hybrid":
         return TrainingOptions()
     return TrainingOptions(
         hierarchies=1,
-        width=128,
-        learning_rate=2e-4,
-        weight_decay=0.3,
-        signal="displacement",
+        width=96,
+        depth=2,
+        weight_decay=0.01,
+        signal="displacement-and-travel",
         thresholds=PLAY_THRESHOLDS,
     )
 

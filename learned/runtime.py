@@ -182,7 +182,7 @@ class DenseRuntime:
         )
         self._used = np.zeros(len(self._work), dtype=np.int64)
         self._counters = np.zeros(2, dtype=np.int64)
-        self._row = np.zeros((1, trained.discriminator.count, n))
+        self._row = np.zeros((1, trained.discriminator.rows(n), n))
         self._ring = np.zeros((MEDIAN_SAMPLES, n))
         self._motion = np.zeros((3, 1, n))
         self._out = np.zeros(trained.architecture.n)

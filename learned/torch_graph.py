@@ -16,16 +16,24 @@ from learned.window import Float32Array
 class DenseGraph(nn.Module):  # type: ignore[misc]
     """A graph of dense layers in torch: takes (B, inputs), gives (B, n), the sum of the graph's outputs."""
 
-    def __init__(self, graph: Graph, generator: torch.Generator, silent: bool = False) -> None:
-        """Draw weights uniformly within one over the root of a layer's inputs; ``silent`` starts with zero output."""
+    def __init__(self, graph: Graph, generator: torch.Generator, silent: bool = False, apart: bool = False) -> None:
+        """Draw weights uniformly within one over the root of a layer's inputs; ``silent`` starts with zero output.
+
+        With ``apart`` neuron k of every layer is joint k modulo n's, and the weights between two joints' are nought and
+        stay so: inputs, too, follow each other joint by joint.
+        """
         super().__init__()
         self.graph = graph
         self.matrices = nn.ParameterList()
         self.biases = nn.ParameterList()
         for layer in graph.layers:
             rows, columns = layer.shape
-            bound = 0.0 if silent and layer.target[0] in graph.outputs else rows**-0.5
-            self.matrices.append(nn.Parameter((torch.rand(rows, columns, generator=generator) - 0.5) * 2.0 * bound))
+            inputs = rows / graph.n if apart else rows
+            bound = 0.0 if silent and layer.target[0] in graph.outputs else inputs**-0.5
+            matrix = nn.Parameter((torch.rand(rows, columns, generator=generator) - 0.5) * 2.0 * bound)
+            if apart:
+                _keep_apart(matrix, graph.n)
+            self.matrices.append(matrix)
             self.biases.append(
                 nn.Parameter((torch.rand(columns * layer.bias, generator=generator) * 2.0 - 1.0) * bound)
             )
@@ -121,7 +129,16 @@ def network(shape: Architecture, hierarchy: int, seed: int, silent: bool = False
     generator = torch.Generator().manual_seed(seed)
     if shape.method == "lstm":
         return Lstm(shape.n, shape.width, generator)
-    return DenseGraph(shape.stage(hierarchy), generator, silent)
+    return DenseGraph(shape.stage(hierarchy), generator, silent, shape.apart)
+
+
+def _keep_apart(matrix: nn.Parameter, n: int) -> None:
+    """Set the weights between different joints to nought, and their gradients for good."""
+    rows, columns = matrix.shape
+    own = (torch.arange(rows)[:, None] % n == torch.arange(columns) % n).to(matrix.dtype)
+    with torch.no_grad():
+        matrix *= own
+    matrix.register_hook(lambda gradient: gradient * own.to(gradient.device))
 
 
 def _fill(tensors: list[Tensor], weights: Float32Array) -> None:

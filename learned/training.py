@@ -122,7 +122,8 @@ def _plan(
 ) -> tuple[Architecture, FrameSpec]:
     """Size the network, and settle how frames are made."""
     spec = options.discriminator if method in DISCRIMINATED else DiscriminatorSpec(())
-    shape = architecture(method, robot.n, spec.count, options.hierarchies, options.width, options.memory, options.depth)
+    held = spec.rows(robot.n)
+    shape = architecture(method, robot.n, held, options.hierarchies, options.width, options.memory, options.depth)
     rate = options.rate or _common_rate(logs)
     frames = FrameSpec(
         n=robot.n,

@@ -82,7 +82,7 @@ def count_latches(
         seconds: for which it must stay so.
     """
     n = motion.q.shape[1]
-    held = MotionDiscriminator(spec, n).run(motion.q, motion.dq, segments)
+    held = MotionDiscriminator(spec, n).run(motion.q, motion.dq, segments)[:, : spec.count]
     play = MotionDiscriminator(DiscriminatorSpec((0.5 * travel,), "displacement"), n)
     direction = np.sign(play.run(motion.q, motion.dq, segments)[:, 0])
     window = max(2, round(seconds * rate))

@@ -45,10 +45,10 @@ def _random_model(method, n=2, seed=0, width=32, discriminator=None):
     """A model of the method whose weights are drawn at random."""
     spec = discriminator or DiscriminatorSpec(sum(TABLE_I, ()))
     spec = spec if method in DISCRIMINATED else DiscriminatorSpec(())
-    shape = architecture(method, n, spec.count, width=width)
+    shape = architecture(method, n, spec.rows(n), width=width)
     rng = np.random.default_rng(seed)
     weights = [network(shape, h, seed + h).flat() for h in range(len(shape.groups))]
-    held = spec.count * n
+    held = spec.rows(n) * n
     return TrainedModel(
         robot="arm",
         joints=tuple(f"joint_{j + 1}" for j in range(n)),

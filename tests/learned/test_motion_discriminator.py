@@ -12,6 +12,7 @@ SPECS = [
     DiscriminatorSpec((0.003, 0.01), signal="median-velocity"),
     DiscriminatorSpec((0.003, 0.01), signal="median-velocity", hold="threshold"),
     DiscriminatorSpec((0.0005, 0.01), signal="displacement"),
+    DiscriminatorSpec((0.0005, 0.01), signal="displacement-and-travel"),
     DiscriminatorSpec(((0.003, 0.02), (0.01, 0.03))),
 ]
 
@@ -73,6 +74,31 @@ def test_displacement_is_a_play_operator():
     np.testing.assert_allclose(held[:, 0, 0], [0.0, 0.002, 0.005, 0.004, 0.0035, -0.005], atol=1e-15)
 
 
+def test_travel_is_the_way_of_others_since_a_joint_stopped():
+    # joint 1 moves and stops; then joint 2 goes 0.3 rad there and 0.15 back; then joint 1 moves again
+    first = np.r_[np.linspace(0.0, 1.0, 11), np.full(45, 1.0), 1.1]
+    second = np.r_[np.zeros(11), np.linspace(0.01, 0.3, 30), np.linspace(0.29, 0.15, 15), 0.15]
+    q = np.stack([first, second], axis=1)
+    spec = DiscriminatorSpec((0.001, 0.002), "displacement-and-travel")
+    held = MotionDiscriminator(spec, 2).run(q, q * 0.0, [slice(0, len(q))])
+    assert held.shape == (57, 4, 2)
+    assert (held[0, 2:] == 0.0).all()  # nobody knows how long joints have stood before they first move
+    np.testing.assert_allclose(held[[10, 40, 55, 56], 3, 0], np.exp([0.0, -1.0, -1.5, 0.0]), rtol=1e-9)
+    np.testing.assert_allclose(held[[10, 40, 55, 56], 2, 1], [0.0, 1.0, 1.0, np.exp(-0.1 / 0.3)], rtol=1e-5)
+    # the play operators are those without travel
+    plain = MotionDiscriminator(DiscriminatorSpec(spec.thresholds, "displacement"), 2).run(q, q * 0.0, [slice(0, 57)])
+    np.testing.assert_array_equal(held[:, :2], plain)
+
+
+def test_trembling_is_no_travel():
+    q = np.array([[0.0, 0.0], [1.0, 1.0], [1.0, 1.3]])
+    noise = 1e-4 * np.random.default_rng(0).normal(size=(1000, 2)).clip(-1.0, 1.0)
+    q = np.concatenate([q, q[-1] + noise])
+    spec = DiscriminatorSpec((0.0005, 0.01), "displacement-and-travel")
+    held = MotionDiscriminator(spec, 2).run(q, q * 0.0, [slice(0, len(q))])
+    np.testing.assert_allclose(held[2:, 3, 0], held[2, 3, 0], atol=0.02)
+
+
 def test_median_keeps_the_sign_through_ringing():
     dq = np.r_[np.zeros(10), np.full(50, 0.2), [-0.05, 0.02, -0.01], np.zeros(40)][:, None]
     run = {}
@@ -101,5 +127,7 @@ def test_bad_specs_are_refused():
         DiscriminatorSpec((0.0, 0.1))
     with pytest.raises(InputError, match="2 joints where the robot has 3"):
         MotionDiscriminator(DiscriminatorSpec(((0.1, 0.1),)), 3)
+    with pytest.raises(InputError, match="no threshold"):
+        DiscriminatorSpec((), "displacement-and-travel")
     with pytest.raises(InputError, match="unknown signal"):
         DiscriminatorSpec((0.1,), "speed")  # type: ignore[arg-type]

@@ -83,6 +83,24 @@ def test_a_hybrid_is_better_than_its_physics(arm, logs, test_log):
         train(arm, logs, None, "mlp", QUICK, physics=physics)
 
 
+def test_a_hybrids_networks_see_each_its_own_joint(arm, logs):
+    options = dataclasses.replace(QUICK, epochs=1, signal="displacement-and-travel", thresholds=(0.001, 0.01))
+    model = train(arm, logs, None, "hybrid", options, physics=Gravity())
+    # no play of joint 1 crosses into joint 2, but for how far joint 1 has gone since joint 2 stopped
+    log = logs[2][:400]
+    q = log.q.copy()
+    q[:, 0] = 0.3
+    alone, both = (model.predict(log.replace(q=x)) - Gravity().predict(log.replace(q=x)) for x in (q, log.q))
+    settled = both[:, 1] != alone[:, 1]
+    assert not settled.all()
+    assert (both[:, 0] != alone[:, 0]).all()
+    frames = model.trained.architecture.frames
+    first = model.trained.weights[: (frames + 8) * 32].reshape(-1, 32)
+    assert (first[0::2, 1::2] == 0.0).all()
+    assert (first[1::2, 0::2] == 0.0).all()
+    assert (first[0::2, 0::2] != 0.0).any()
+
+
 def test_frames_on_disk_give_the_same_model(arm, logs, tmp_path):
     options = dataclasses.replace(QUICK, epochs=1, hierarchies=2)
     memory = train(arm, logs, None, "hrdl-md", options)
