@@ -110,7 +110,7 @@ class GravityBalancer(Effect):
     def shapes(self) -> tuple[Shape, ...]:
         """Return 2 a b / (a^2 + b^2) and the neutral angle."""
         return (
-            Shape("lever", "1", 0.1, 0.98, (0.5, 0.75, 0.9), log=False, ends=False),
+            Shape("lever", "1", 0.1, 0.98, (0.5, 0.75, 0.9), log=False, ends=(False, True)),
             Shape("neutral", "{angle}", -3.6, 3.6, NEUTRAL, log=False),
         )
 

@@ -29,7 +29,8 @@ class Shape:
         lower, upper: physical bounds.
         starts: values from which the search may start; the best of them is taken.
         log: whether it is searched on a logarithmic scale.
-        ends: whether a value at a bound says that the law is not this one; not where the bound is but the logs' reach.
+        ends: whether a value at the lower and at the upper bound says that the law is not this one; not where the bound
+            is but the logs' reach.
     """
 
     name: str
@@ -38,7 +39,7 @@ class Shape:
     upper: float
     starts: tuple[float, ...]
     log: bool = True
-    ends: bool = True
+    ends: tuple[bool, bool] = (True, True)
 
 
 @dataclass(frozen=True)

@@ -47,7 +47,7 @@ class ThermalFriction(VelocityEffect):
     @property
     def shapes(self) -> tuple[Shape, ...]:
         """Return the time constant."""
-        return (Shape("seconds", "s", 12.0, 5000.0, (120.0, 25.0, 50.0, 400.0, 1500.0), ends=False),)
+        return (Shape("seconds", "s", 12.0, 5000.0, (120.0, 25.0, 50.0, 400.0, 1500.0), ends=(False, False)),)
 
     def coefficients(self, robot: Robot) -> tuple[Coefficient, ...]:
         """Return what dry and viscous friction gain at a heat of one."""

@@ -9,7 +9,7 @@ import numpy as np
 
 from ident.arrays import BoolArray, FloatArray, IntArray
 from ident.effects.base import Effect, Survey
-from ident.gap.candidates import Trial, admissible, best_trials, forms, refine, usable, with_errors
+from ident.gap.candidates import Trial, admissible, best_shape, best_trials, forms, refine, usable, with_errors
 from ident.gap.gate import Gate
 from ident.gap.panel import Errors, JointProblem, Panel
 from ident.uncertainty import correlation_time
@@ -28,6 +28,10 @@ PARSIMONY = 0.004
 
 LAW, RIVAL_LAW = 0.03, 0.15
 """No law is exact: another effect must explain more than this share of what one named before did, a rival more."""
+
+HARM, FEW, MOVING = 1.02, 0.02, 2
+"""How far an effect may raise the squared residual at rest or in motion; shares of rows to which that does not apply;
+the first class of speed that is motion."""
 
 MOST = 4
 """Effects at most that one joint is given."""
@@ -65,6 +69,7 @@ class JointGap:
         target: what is to be explained (N,), in force units.
         keep: rows that count (N,).
         present: effects that the joint has already.
+        nuisance: how many of the columns, the last ones, stand for nothing that the model will have.
     """
 
     joint: int
@@ -72,6 +77,15 @@ class JointGap:
     target: FloatArray
     keep: BoolArray
     present: tuple[Effect, ...]
+    nuisance: int = 0
+
+    def bare(self) -> JointGap:
+        """The same without nuisance."""
+        return replace(self, matrix=self.matrix[:, : self.matrix.shape[1] - self.nuisance], nuisance=0)
+
+    def without(self, rows: BoolArray) -> JointGap:
+        """The same with some rows (N,) left out."""
+        return replace(self, keep=self.keep & ~rows)
 
     def problem(self, panel: Panel, named: Sequence[Trial] = ()) -> JointProblem:
         """The regression with effects named so far among the baseline's columns."""
@@ -86,14 +100,16 @@ class Search:
     """All candidates tried on a joint, given what is named already.
 
     Attributes:
-        joint: the joint.
+        gap: the joint's rows.
+        named: what is named already.
         problem: the regression they were added to.
         gate: its surrogates, which have seen all of them.
         trials: the candidates, best first.
         before: squared residuals without any of them.
     """
 
-    joint: int
+    gap: JointGap
+    named: tuple[Named, ...]
     problem: JointProblem
     gate: Gate
     trials: tuple[Trial, ...]
@@ -104,21 +120,55 @@ class Search:
         """Smallest held-out squared residual of all candidates."""
         return min((t.errors.total for t in self.trials if t.errors is not None), default=self.before.total)
 
-    def winner(self, panel: Panel, named: Sequence[Named], looks: int) -> Named | None:
+    @property
+    def joint(self) -> int:
+        """The joint."""
+        return self.gap.joint
+
+    def winner(self, panel: Panel, looks: int) -> Named | None:
         """The best candidate that passes the gate, if there is one; ``looks`` joints share the level."""
         for trial in self.trials:
             assert trial.errors is not None
             gain = 1.0 - np.sqrt(trial.errors.total / max(self.before.total, 1e-300))
             explained = self.before.total - trial.errors.total
-            if gain <= GAIN or trial.at_bound or explained <= _law_error(trial.effect, named):
+            if gain <= GAIN or trial.at_bound or explained <= _law_error(trial.effect, self.named):
                 continue
             columns = admissible(panel, self.problem, trial.effect, trial.shape, self.joint)
             if not self._worth(columns, trial, gain):
                 continue
             p_value = min(1.0, looks * self.gate.p_value(self.gate.statistic(columns)))
-            if np.all(trial.errors.held_out < self.before.held_out) and p_value <= LEVEL:
+            if p_value > LEVEL or not np.all(trial.errors.held_out < self.before.held_out):
+                continue
+            honest = self._harmless(columns) and self._shrinks(panel, trial) and self._repeats(panel, trial)
+            if honest:
                 return Named(trial, p_value, explained, self.trials)
         return None
+
+    def _harmless(self, columns: FloatArray) -> bool:
+        """Whether neither the rows at rest nor those in motion are predicted worse: rests are few, however long."""
+        before, after = self.problem.held_out(columns[:, :0]), self.problem.held_out(columns)
+        moving = self.gate.classes >= MOVING
+        groups = [rows for rows in (moving, ~moving) if rows.mean() > FEW]
+        return all(float(np.sum(after[r] ** 2)) <= HARM * float(np.sum(before[r] ** 2)) for r in groups)
+
+    def _shrinks(self, panel: Panel, trial: Trial) -> bool:
+        """Whether the model as it will be delivered, without nuisance, gains by the effect as well."""
+        bare = self.gap.bare().problem(panel, [n.trial for n in self.named])
+        with_it = bare.errors(admissible(panel, bare, trial.effect, trial.shape, self.joint))
+        return bool(1.0 - np.sqrt(with_it.total / max(bare.errors().total, 1e-300)) > 0.5 * GAIN)
+
+    def _repeats(self, panel: Panel, trial: Trial) -> bool:
+        """Whether it predicts each fold with its shape, too, found on the others: a shape may fit by chance."""
+        if not trial.effect.shapes:
+            return True
+        held_out = np.empty(len(self.before.held_out))
+        for k, fold in enumerate(np.unique(self.problem.fold)):
+            others = self.gap.without(panel.fold == fold).problem(panel, [n.trial for n in self.named])
+            shape = best_shape(panel, others, trial.effect, self.joint).shape
+            columns = admissible(panel, self.problem, trial.effect, shape, self.joint)
+            held_out[k] = self.problem.errors(columns).held_out[k]
+        gain = 1.0 - np.sqrt(held_out.sum() / max(self.before.total, 1e-300))
+        return bool(gain > GAIN and np.all(held_out < self.before.held_out))
 
     def _worth(self, columns: FloatArray, trial: Trial, gain: float) -> bool:
         """Whether a gain pays for the effect's parameters and for having been searched, in independent samples.
@@ -137,9 +187,9 @@ class Search:
 def search(panel: Panel, gap: JointGap, effects: Sequence[Effect], named: Sequence[Named] = ()) -> Search:
     """Try effects on a joint, besides those named."""
     problem = gap.problem(panel, [n.trial for n in named])
-    gate = Gate(problem, starts_of(panel, problem))
+    gate = Gate(problem, starts_of(panel, problem), np.abs(panel.velocity[problem.keep, gap.joint]))
     trials = best_trials(panel, gate, effects, gap.joint)
-    return Search(gap.joint, problem, gate, tuple(sorted(trials, key=penalised)), problem.errors())
+    return Search(gap, tuple(named), problem, gate, tuple(sorted(trials, key=penalised)), problem.errors())
 
 
 def attribute(panel: Panel, survey: Survey, gap: JointGap, first: Search | None = None) -> list[Named]:
@@ -155,7 +205,7 @@ def attribute(panel: Panel, survey: Survey, gap: JointGap, first: Search | None 
     effects = forms(survey, gap.joint, gap.present)
     for number in range(MOST):
         tried = first if first is not None and number == 0 else search(panel, gap, effects, named)
-        found = tried.winner(panel, named, panel.robot.n)
+        found = tried.winner(panel, panel.robot.n)
         if found is None:
             break
         named.append(found)

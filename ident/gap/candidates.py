@@ -129,6 +129,17 @@ def refine(panel: Panel, problem: JointProblem, trial: Trial, joint: int) -> Tri
     return replace(trial, shape=shape, drop=drop)
 
 
+def best_shape(panel: Panel, problem: JointProblem, effect: Effect, joint: int) -> Trial:
+    """An effect at the shape that suits a problem's rows best."""
+    best: Trial | None = None
+    for shape in grid(effect.shapes):
+        drop = problem.drop(admissible(panel, problem, effect, shape, joint))
+        if best is None or drop > best.drop:
+            best = Trial(effect, shape, drop)
+    assert best is not None
+    return refine(panel, problem, best, joint) if effect.shapes else best
+
+
 def with_errors(panel: Panel, problem: JointProblem, trial: Trial, joint: int) -> Trial:
     """Add the held-out errors of a trial."""
     columns = admissible(panel, problem, trial.effect, trial.shape, joint)
@@ -152,13 +163,12 @@ def _held_out(trial: Trial) -> float:
 
 
 def _at_bound(parameter: Shape, value: float) -> bool:
-    if not parameter.ends:
-        return False
     low, high = (
         (np.log(parameter.lower), np.log(parameter.upper)) if parameter.log else (parameter.lower, parameter.upper)
     )
     place = ((np.log(value) if parameter.log else value) - low) / (high - low)
-    return not BOUND < place < 1.0 - BOUND
+    at_lower, at_upper = place <= BOUND, place >= 1.0 - BOUND
+    return bool((at_lower and parameter.ends[0]) or (at_upper and parameter.ends[1]))
 
 
 def _bracket(parameter: Shape, value: float) -> tuple[float, float]:

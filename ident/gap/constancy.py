@@ -23,7 +23,7 @@ def inconstancy(panel: Panel, survey: Survey, gap: JointGap, named: list[Named])
     """
     full, plain = gap.problem(panel, [n.trial for n in named]), gap.problem(panel)
     explained = float(plain.residual @ plain.residual) - float(full.residual @ full.residual)
-    gate = Gate(full, starts_of(panel, full))
+    gate = Gate(full, starts_of(panel, full), np.abs(panel.velocity[full.keep, gap.joint]))
     _, values = signals(panel, survey, gap.joint)
     parts = [np.digitize(v, np.quantile(v, THIRDS)) for v in values[full.keep].T]
     worst = 0.0

@@ -1,7 +1,9 @@
 """Step 4, gate: how large the best of all candidates looks where there is nothing, on the data set's own surrogates.
 
 A surrogate is the residual with its phases drawn anew (Theiler et al. 1992): its spectrum, and so its
-autocorrelation, is the residual's own, but it has nothing to do with the motion. Every candidate at every shape is
+autocorrelation, is the residual's own, but it has nothing to do with the motion. Where the joint rests, creeps or runs
+it is as large as the residual is there: a residual that is large at rest alone would else be matched by anything that
+is large at rest (cf. the wild bootstrap, Wu 1986). Every candidate at every shape is
 fitted to every surrogate, as to the residual; the p-value of the best candidate is where it stands among the
 surrogates' best (max-T, Westfall and Young 1993), extrapolated by a Gumbel law beyond them.
 """
@@ -19,6 +21,9 @@ from ident.gap.panel import Float32Array, JointProblem, sizes
 SURROGATES = 50
 EULER = 0.5772156649
 
+PACES = (0.003, 0.03, 0.3)
+"""Speeds, over the mean speed, at which classes of rows part in which the residual is of one size."""
+
 ABSORBED = 1e-3
 """Share of a column's length that the baseline must leave for it to count."""
 
@@ -26,11 +31,12 @@ ABSORBED = 1e-3
 class Gate:
     """Surrogates of one joint's residual, and the largest statistic that any candidate reached on each of them."""
 
-    def __init__(self, problem: JointProblem, starts: IntArray, seed: int = 0) -> None:
+    def __init__(self, problem: JointProblem, starts: IntArray, speed: FloatArray, seed: int = 0) -> None:
         self.problem = problem
         self.starts = starts
+        self.classes = speed_classes(speed)
         rng = np.random.default_rng([seed, len(problem)])
-        drawn = surrogates(problem.residual, starts, SURROGATES, rng)
+        drawn = self._surrogates(problem.residual, rng)
         self.targets = np.column_stack([problem.residual.astype(np.float32), drawn])
         self.largest = np.zeros(SURROGATES)
 
@@ -78,9 +84,18 @@ class Gate:
         own = np.linalg.qr(own[:, used] / size[used])[0]
         part = own.T @ self.problem.residual
         rng = np.random.default_rng(len(columns))
-        drawn = surrogates(self.problem.residual - own @ part, self.starts, SURROGATES, rng)
+        drawn = self._surrogates(self.problem.residual - own @ part, rng)
         chance = np.sum((own.T.astype(np.float32) @ drawn) ** 2, axis=0)
         return float(part @ part) / max(float(chance.mean()), 1e-300)
+
+    def _surrogates(self, residual: FloatArray, rng: np.random.Generator) -> Float32Array:
+        size = np.zeros(len(residual))
+        for k in range(len(PACES) + 1):
+            rows = self.classes == k
+            if rows.any():
+                size[rows] = np.sqrt(np.mean(residual[rows] ** 2))
+        size = np.maximum(size, 1e-6 * max(float(size.max()), 1e-300))
+        return surrogates(residual / size, self.starts, SURROGATES, rng) * size[:, None].astype(np.float32)
 
     def p_value(self, statistic: float) -> float:
         """Chance that the best candidate looks as good as ``statistic`` where there is nothing."""
@@ -91,6 +106,13 @@ class Gate:
         place = float(self.largest.mean()) - EULER * scale
         tail = float(-np.expm1(-np.exp(-(statistic - place) / scale)))
         return max(tail, 1e-6)
+
+
+def speed_classes(speed: FloatArray) -> IntArray:
+    """Number of the class (N,) in which each row's absolute speed (N,) is: at rest, creeping, slow, fast."""
+    edges = np.array(PACES) * max(float(speed.mean()), 1e-300)
+    classes: IntArray = np.digitize(speed, edges)
+    return classes
 
 
 def surrogates(residual: FloatArray, starts: IntArray, count: int, rng: np.random.Generator) -> Float32Array:

@@ -22,7 +22,7 @@ from ident.gap.edge import edge_columns
 from ident.gap.evidence import evidence, negative_control
 from ident.gap.experiment import Experiment, Joined, Question, separating, with_motion
 from ident.gap.localise import gap_map
-from ident.gap.panel import Panel
+from ident.gap.panel import JointProblem, Panel
 from ident.gap.preflight import untestable
 from ident.gap.report import Finding, GapReport, Unexplained
 from ident.gap.rows import panel_of, survey_of
@@ -30,6 +30,7 @@ from ident.gap.settle import alternatives, next_experiment
 from ident.gap.spectrum import spectral_line
 from ident.gap.touch import Touches, find_touches, row_step
 from ident.gap.velocity_lag import velocity_lag
+from ident.gap.wander import wandering
 from ident.gap.whole import Whole, columns_of, whole_effect
 from ident.log import JointLog, LogSource
 from ident.model import CurrentModel
@@ -39,7 +40,8 @@ Progress = Callable[[str, float], None]
 ENOUGH, CERTAIN = 2.0, 8.0
 """Names of a joint must explain this many times what could still be explained after them; else none is given.
 
-Between the two they are given if their coefficients are the same all over the logs.
+Between the two they are given if their coefficients are the same all over the logs. Of what follows the clock alone,
+which no motion repeats, they must explain the greater.
 """
 
 CONSTANT = 0.03
@@ -145,9 +147,10 @@ class _Workflow:
         own = [t for t in self.model.terms if t.effect.joint in (None, joint)]
         edge, target = edge_columns(panel, own, joint), panel.force[:, joint]
         if not self.refit:
-            return JointGap(joint, edge, target - self.simulated(panel)[:, joint], keep, ())
+            return JointGap(joint, edge, target - self.simulated(panel)[:, joint], keep, (), edge.shape[1])
         columns = [panel.columns(t.effect, t.shape, joint) for t in own]
-        return JointGap(joint, np.hstack([*columns, edge]), target, keep, tuple(t.effect for t in own))
+        present = tuple(t.effect for t in own)
+        return JointGap(joint, np.hstack([*columns, edge]), target, keep, present, edge.shape[1])
 
     def simulated(self, panel: Panel) -> FloatArray:
         """Force (N, n) that the model gives in a panel's rows."""
@@ -162,10 +165,12 @@ class _Workflow:
         if not named:
             return named
         before, after = gap.problem(self.panel), gap.problem(self.panel, [n.trial for n in named])
-        left = self.explainable(gap, after.residual, after.keep)
+        left = self.explainable(gap, after.residual, after.keep).share
         squares = float(after.residual @ after.residual)
         explained = float(before.residual @ before.residual) - squares
-        rest = left.share * squares
+        if explained < CERTAIN * self.wandering(after) * squares:
+            return []
+        rest = left * squares
         if explained >= CERTAIN * rest:
             return named
         constant = explained >= ENOUGH * rest and inconstancy(self.panel, self.survey, gap, named) <= CONSTANT
@@ -173,6 +178,9 @@ class _Workflow:
 
     def explainable(self, gap: JointGap, residual: FloatArray, rows: IntArray) -> Explainable:
         return explainable(self.panel, self.survey, gap.joint, residual, rows)
+
+    def wandering(self, problem: JointProblem) -> float:
+        return wandering(problem.residual, starts_of(self.panel, problem), row_step(self.panel))
 
     def touches(self, gaps: Sequence[JointGap], named: Sequence[Sequence[Named]]) -> Touches:
         residuals = np.zeros((len(self.panel), self.model.n))
@@ -202,7 +210,7 @@ class _Workflow:
             problems.append(plain)
             before[plain.keep, gap.joint], after[full.keep, gap.joint] = plain.residual, full.residual
             findings += [self.joint_finding(gap, names, one, plain.errors().total) for one in names]
-            unexplained += self.unexplained(gap, full.residual, full.keep)
+            unexplained += self.unexplained(gap, names)
         if touches.episodes:
             figures: dict[str, float | list[float]] = {"seconds": touches.seconds, "episodes": float(touches.episodes)}
             findings.append(Finding("contact", "contact", touches.joints, figures, SURE, (), None, (), 0.0))
@@ -227,15 +235,17 @@ class _Workflow:
         """The joint's rows before causes of the whole robot were taken away."""
         return self.gap(self.panel, gap.joint, gap.keep)
 
-    def unexplained(self, gap: JointGap, residual: FloatArray, rows: IntArray) -> list[Unexplained]:
-        left = self.explainable(gap, residual, rows)
+    def unexplained(self, gap: JointGap, named: Sequence[Named]) -> list[Unexplained]:
+        """Step 7: what is left and could be explained by motion, or follows the clock alone."""
+        problem = gap.problem(self.panel, [n.trial for n in named])
+        left = self.explainable(gap, problem.residual, problem.keep)
         if left.share > WORTH_SAYING:
             return [Unexplained((gap.joint,), left.depends_on, left.share)]
-        problem = gap.problem(self.panel)
-        line = spectral_line(residual, starts_of(self.panel, problem), row_step(self.panel))
-        if line is not None:
-            return [Unexplained((gap.joint,), (f"t ({line[0]:.2g} Hz)",), line[1])]
-        return []
+        slow = self.wandering(problem)
+        if slow > WORTH_SAYING:
+            return [Unexplained((gap.joint,), ("t (wanders)",), slow)]
+        line = spectral_line(problem.residual, starts_of(self.panel, problem), row_step(self.panel))
+        return [] if line is None else [Unexplained((gap.joint,), (f"t ({line[0]:.2g} Hz)",), line[1])]
 
     def whole_finding(self, whole: Whole) -> Finding:
         effect = whole.effect

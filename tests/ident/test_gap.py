@@ -136,7 +136,7 @@ def test_the_gate_calls_one_in_a_hundred_of_coloured_noises_significant():
     for _ in range(60):
         noise = np.convolve(rng.standard_normal(rows + 40), np.exp(-np.arange(40) / 12.0), "valid")[:rows]
         problem = JointProblem(np.ones((rows, 1)), noise, t * 4 // rows, np.ones(rows, dtype=bool))
-        gate = Gate(problem, np.array([0]))
+        gate = Gate(problem, np.array([0]), np.ones(rows))
         low += gate.p_value(max(gate.look([c])[1][0] for c in candidates)) < 0.05
     assert low <= 9
 
