@@ -52,7 +52,9 @@ def plain_bars(app, what, name, obj, options, lines):
 
 
 def one_name_each(app, what, name, obj, options, lines):
-    """Give each of ``lower, upper: text`` an entry of its own; Sphinx would take the first name for a type."""
+    """Give each of ``lower, upper: text`` an entry of its own; Napoleon would take the first name for a type."""
+    if what in ("data", "attribute") and lines:
+        lines[0] = lines[0].replace(": ", "; ")  # what is before a colon would be its type
     written = []
     for line in lines:
         several = re.match(r"( +)(\w+(?:, \w+)+): (.*)", line)

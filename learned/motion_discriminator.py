@@ -111,6 +111,13 @@ def scan(q: Any, dq: Any, thresholds: Any, mode: Any, state: Any, ring: Any, out
     way gone in this row and, a row a joint, what that joint's travel has left of each other one's memory; ``ring``
     (7, n) the last velocities. ``mode`` is (signal, hold). ``out`` (N, I, n), with travel (N, I + n, n), takes the
     discriminator of each row. A row whose signal is NaN changes nothing.
+
+    Args:
+        q, dq: positions and velocities, (N, n).
+        thresholds: of each joint, (I, n).
+        mode: signal and hold by number, (2,).
+        state, ring: memory, changed in place.
+        out: takes the discriminator of each row.
     """
     signal, hold = mode[0], mode[1]
     rows, joints = q.shape

@@ -84,6 +84,9 @@ def suggested(method: str) -> TrainingOptions:
     What physics leaves hangs together along a motion, so a network that sees all joints learns the motions by heart: a
     hybrid has a small network for each joint, which sees that joint alone and how far the others have gone since it
     stopped. Since it is no method of the paper, it remembers displacements, which do not ring.
+
+    Args:
+        method: one of `learned.networks.METHODS`.
     """
     if method != "hybrid":
         return TrainingOptions()
