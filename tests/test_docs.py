@@ -182,6 +182,19 @@ def test_commands_have_the_options_that_pages_give_them(page):
     assert wrong == []
 
 
+@pytest.mark.parametrize("page", PAGES, ids=named)
+def test_scripts_have_the_options_that_pages_give_them(page):
+    text = " ".join(page.read_text(encoding="utf-8").replace("\\\n", " ").split())
+    wrong = []
+    for script, rest in re.findall(r"python (?:-m )?(comparisons[\w.]+|benchmarks/\w+\.py)([^`]*)", text):
+        path = ROOT / script if script.endswith(".py") else source_of(script)
+        source = path.read_text(encoding="utf-8") if path.is_file() else ""
+        options = re.findall(r"(?<!\S)--([a-z][\w-]*)", rest)
+        wrong += [f"{script} --{o}" for o in options if not re.search(rf"\b{o}\b|\b{o.replace('-', '_')}\b", source)]
+        wrong += [] if source else [script]
+    assert wrong == []
+
+
 def python_blocks(page: Path) -> list[str]:
     """Code of the page's Python blocks and cells, without magics."""
     text = page.read_text(encoding="utf-8")

@@ -16,7 +16,8 @@ from ident.arrays import FloatArray
 from ident.effects.base import Effect, Survey, Term
 from ident.effects.friction import Coulomb
 from ident.gap.candidates import admissible, forms, grid
-from ident.gap.panel import JointProblem, Panel
+from ident.gap.panel import Panel
+from ident.gap.problem import JointProblem
 from ident.gap.rows import panel_of, survey_of
 from ident.log import LogSource
 from ident.model import CurrentModel

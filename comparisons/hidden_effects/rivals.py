@@ -25,7 +25,7 @@ from ident.arrays import FloatArray, IntArray
 from ident.effects.base import Term
 from ident.fit import Drives, fit
 from ident.gap.evidence import evidence
-from ident.gap.panel import JointProblem
+from ident.gap.problem import JointProblem
 from ident.log import LogSource
 from ident.model import CurrentModel
 

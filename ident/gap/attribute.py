@@ -11,7 +11,8 @@ from ident.arrays import BoolArray, FloatArray, IntArray
 from ident.effects.base import Effect, Survey
 from ident.gap.candidates import Trial, admissible, best_shape, best_trials, forms, refine, usable, with_errors
 from ident.gap.gate import Gate
-from ident.gap.panel import Errors, JointProblem, Panel
+from ident.gap.panel import Panel
+from ident.gap.problem import Errors, JointProblem
 from ident.uncertainty import correlation_time
 
 GAIN = 0.05

@@ -10,7 +10,8 @@ import numpy as np
 
 from ident.effects.friction import Coulomb, VelocityEffect
 from ident.fit import Drives, fit
-from ident.gap.panel import JointProblem, Panel
+from ident.gap.panel import Panel
+from ident.gap.problem import JointProblem
 from ident.gap.rows import panel_of
 from ident.identification import identify
 from ident.log import LogSource

@@ -12,7 +12,8 @@ from ident.arrays import BoolArray, FloatArray
 from ident.effects import load_catalogue
 from ident.effects.base import Effect, Shape, Survey
 from ident.gap.gate import Gate
-from ident.gap.panel import Errors, JointProblem, Panel
+from ident.gap.panel import Panel
+from ident.gap.problem import Errors, JointProblem
 
 SEARCHED = 5
 """Candidates of a joint whose shape parameters are searched further than the grid of their starts."""

@@ -16,7 +16,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from ident.arrays import FloatArray, IntArray
-from ident.gap.panel import Float32Array, JointProblem, sizes
+from ident.gap.problem import Float32Array, JointProblem, sizes
 
 SURROGATES = 50
 EULER = 0.5772156649

@@ -11,7 +11,8 @@ from ident.effects import load_catalogue
 from ident.effects.base import Effect, Survey
 from ident.gap.attribute import JointGap
 from ident.gap.candidates import forms
-from ident.gap.panel import JointProblem, Panel
+from ident.gap.panel import Panel
+from ident.gap.problem import JointProblem
 
 VISIBLE = 0.02
 """Share of an effect's own size that the baseline must leave, for the effect to be seen."""

@@ -11,7 +11,8 @@ from ident.effects import load_catalogue
 from ident.gap.attribute import JointGap, Named
 from ident.gap.candidates import Trial, admissible
 from ident.gap.experiment import Experiment
-from ident.gap.panel import JointProblem, Panel
+from ident.gap.panel import Panel
+from ident.gap.problem import JointProblem
 
 CERTAIN = 2.33
 """Standard errors by which a name must beat a rival on held-out blocks of rows (one in a hundred)."""

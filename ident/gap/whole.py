@@ -11,7 +11,8 @@ from ident.arrays import FloatArray
 from ident.effects.base import Effect, Survey
 from ident.gap.attribute import GAIN, LEVEL, JointGap, Search
 from ident.gap.candidates import forms, grid
-from ident.gap.panel import JointProblem, Panel
+from ident.gap.panel import Panel
+from ident.gap.problem import JointProblem
 from ident.gap.settle import LAW
 
 SHARE = 0.85

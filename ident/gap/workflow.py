@@ -10,48 +10,33 @@ import numpy as np
 from joblib import Parallel, delayed
 from threadpoolctl import threadpool_limits
 
-from ident.arrays import BoolArray, FloatArray, IntArray
+from ident.arrays import BoolArray, FloatArray
 from ident.effects.base import Term
 from ident.errors import InputError
 from ident.fit import Drives, fit
-from ident.gap.abstain import Explainable, explainable
-from ident.gap.attribute import JointGap, Named, Search, attribute, search, starts_of
+from ident.gap.abstain import explainable
+from ident.gap.attribute import JointGap, Named, Search, attribute, search
+from ident.gap.belief import WORTH_SAYING, believed, unexplained
 from ident.gap.candidates import Trial, coefficients, forms
-from ident.gap.constancy import inconstancy
 from ident.gap.edge import edge_columns
 from ident.gap.evidence import evidence, negative_control
 from ident.gap.experiment import Experiment, Joined, Question, separating, with_motion
 from ident.gap.localise import gap_map
-from ident.gap.panel import JointProblem, Panel
+from ident.gap.panel import Panel
 from ident.gap.preflight import untestable
 from ident.gap.report import Finding, GapReport, Unexplained
 from ident.gap.rows import panel_of, survey_of
 from ident.gap.settle import alternatives, next_experiment
-from ident.gap.spectrum import spectral_line
-from ident.gap.touch import Touches, find_touches, row_step
+from ident.gap.touch import Touches, find_touches
 from ident.gap.velocity_lag import velocity_lag
-from ident.gap.wander import wandering
 from ident.gap.whole import Whole, columns_of, whole_effect
 from ident.log import JointLog, LogSource
 from ident.model import CurrentModel
 
 Progress = Callable[[str, float], None]
 
-ENOUGH, CERTAIN = 2.0, 8.0
-"""Names of a joint must explain this many times what could still be explained after them; else none is given.
-
-Between the two they are given if their coefficients are the same all over the logs. Of what follows the clock alone,
-which no motion repeats, they must explain the greater.
-"""
-
-CONSTANT = 0.03
-"""Share of what names explain that varying their coefficients may add."""
-
 SURE = 1e-6
 """Least p-value that is stated."""
-
-WORTH_SAYING = 0.06
-"""Share of a joint's squared residual that must be explainable for it to be called unexplained."""
 
 
 def find_gap(
@@ -134,7 +119,11 @@ class _Workflow:
             delayed(attribute)(self.panel, self.survey, gap, first) for gap, first in zip(gaps, searches, strict=True)
         )
         self.tell("trying effects", 1.0)
-        return [self.believed(gap, names) for gap, names in zip(gaps, named, strict=True)], wholes, gaps
+        return (
+            [believed(self.panel, self.survey, gap, names) for gap, names in zip(gaps, named, strict=True)],
+            wholes,
+            gaps,
+        )
 
     def searches(self, gaps: Sequence[JointGap]) -> list[Search]:
         found: list[Search] = Parallel(n_jobs=2, prefer="threads")(
@@ -160,28 +149,6 @@ class _Workflow:
         ]
         return np.concatenate(parts)
 
-    def believed(self, gap: JointGap, named: list[Named]) -> list[Named]:
-        """Step 7: names that leave much of what could be explained are no names."""
-        if not named:
-            return named
-        before, after = gap.problem(self.panel), gap.problem(self.panel, [n.trial for n in named])
-        left = self.explainable(gap, after.residual, after.keep).share
-        squares = float(after.residual @ after.residual)
-        explained = float(before.residual @ before.residual) - squares
-        if explained < CERTAIN * self.wandering(after) * squares:
-            return []
-        rest = left * squares
-        if explained >= CERTAIN * rest:
-            return named
-        constant = explained >= ENOUGH * rest and inconstancy(self.panel, self.survey, gap, named) <= CONSTANT
-        return named if constant else []
-
-    def explainable(self, gap: JointGap, residual: FloatArray, rows: IntArray) -> Explainable:
-        return explainable(self.panel, self.survey, gap.joint, residual, rows)
-
-    def wandering(self, problem: JointProblem) -> float:
-        return wandering(problem.residual, starts_of(self.panel, problem), row_step(self.panel))
-
     def touches(self, gaps: Sequence[JointGap], named: Sequence[Sequence[Named]]) -> Touches:
         residuals = np.zeros((len(self.panel), self.model.n))
         for gap, names in zip(gaps, named, strict=True):
@@ -192,7 +159,7 @@ class _Workflow:
         for j in found.joints:
             # A burst that the motion predicts is an effect that was not named, and no touch.
             everything = np.arange(len(self.panel))
-            if self.explainable(gaps[j], residuals[:, j], everything).share < WORTH_SAYING:
+            if explainable(self.panel, self.survey, j, residuals[:, j], everything).share < WORTH_SAYING:
                 real.append(j)
         none = Touches(np.zeros(len(self.panel), dtype=bool), (), 0.0, 0)
         return replace(found, joints=tuple(real)) if real else none
@@ -202,7 +169,7 @@ class _Workflow:
     ) -> GapReport:
         self.tell("settling names", 0.0)
         findings = [self.whole_finding(w) for w in wholes]
-        unexplained: list[Unexplained] = []
+        nameless: list[Unexplained] = []
         before, after = (np.zeros((len(self.panel), self.model.n)) for _ in range(2))
         problems = []
         for gap, names in zip(gaps, named, strict=True):
@@ -210,7 +177,7 @@ class _Workflow:
             problems.append(plain)
             before[plain.keep, gap.joint], after[full.keep, gap.joint] = plain.residual, full.residual
             findings += [self.joint_finding(gap, names, one, plain.errors().total) for one in names]
-            unexplained += self.unexplained(gap, names)
+            nameless += unexplained(self.panel, self.survey, gap, names)
         if touches.episodes:
             figures: dict[str, float | list[float]] = {"seconds": touches.seconds, "episodes": float(touches.episodes)}
             findings.append(Finding("contact", "contact", touches.joints, figures, SURE, (), None, (), 0.0))
@@ -227,25 +194,13 @@ class _Workflow:
         maps = [gap_map(self.panel, self.survey, r) for r in (before, after)]
         self.tell("settling names", 1.0)
         return GapReport(
-            self.start, model, tuple(findings), tuple(unexplained), tuple(missing), touches, maps[0], maps[1],
+            self.start, model, tuple(findings), tuple(nameless), tuple(missing), touches, maps[0], maps[1],
             self.panel, self.survey, (before, after), shown,
         )  # fmt: skip
 
     def plain(self, gap: JointGap) -> JointGap:
         """The joint's rows before causes of the whole robot were taken away."""
         return self.gap(self.panel, gap.joint, gap.keep)
-
-    def unexplained(self, gap: JointGap, named: Sequence[Named]) -> list[Unexplained]:
-        """Step 7: what is left and could be explained by motion, or follows the clock alone."""
-        problem = gap.problem(self.panel, [n.trial for n in named])
-        left = self.explainable(gap, problem.residual, problem.keep)
-        if left.share > WORTH_SAYING:
-            return [Unexplained((gap.joint,), left.depends_on, left.share)]
-        slow = self.wandering(problem)
-        if slow > WORTH_SAYING:
-            return [Unexplained((gap.joint,), ("t (wanders)",), slow)]
-        line = spectral_line(problem.residual, starts_of(self.panel, problem), row_step(self.panel))
-        return [] if line is None else [Unexplained((gap.joint,), (f"t ({line[0]:.2g} Hz)",), line[1])]
 
     def whole_finding(self, whole: Whole) -> Finding:
         effect = whole.effect

@@ -22,7 +22,7 @@ from ident.effects import load_catalogue
 from ident.effects.base import Context, Survey
 from ident.errors import InputError
 from ident.gap.candidates import grid
-from ident.gap.panel import JointProblem
+from ident.gap.problem import JointProblem
 from ident.signals import Motion
 
 STRIBECK = Secret("stribeck", (1,), 1.0, {"force": 2.0, "speed": 0.04})

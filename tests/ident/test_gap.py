@@ -7,7 +7,7 @@ from scipy.interpolate import CubicSpline
 from ident.effects import load_catalogue
 from ident.gap import baseline_model, find_gap
 from ident.gap.gate import Gate, surrogates
-from ident.gap.panel import JointProblem
+from ident.gap.problem import JointProblem
 from ident.gap.settle import next_experiment
 from ident.gap.spectrum import spectral_line
 from ident.gap.velocity_lag import velocity_lag

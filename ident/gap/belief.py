@@ -1,0 +1,63 @@
+"""Step 7, abstain: names that leave too much are no names, and what is there without a name is said to be."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from ident.effects.base import Survey
+from ident.gap.abstain import explainable
+from ident.gap.attribute import JointGap, Named, starts_of
+from ident.gap.constancy import inconstancy
+from ident.gap.panel import Panel
+from ident.gap.problem import JointProblem
+from ident.gap.report import Unexplained
+from ident.gap.spectrum import spectral_line
+from ident.gap.touch import row_step
+from ident.gap.wander import wandering
+
+ENOUGH, CERTAIN = 2.0, 8.0
+"""Names of a joint must explain this many times what could still be explained after them; else none is given.
+
+Between the two they are given if their coefficients are the same all over the logs. Of what follows the clock alone,
+which no motion repeats, they must explain the greater.
+"""
+
+CONSTANT = 0.03
+"""Share of what names explain that varying their coefficients may add."""
+
+WORTH_SAYING = 0.06
+"""Share of a joint's squared residual that must be explainable for it to be called unexplained."""
+
+
+def believed(panel: Panel, survey: Survey, gap: JointGap, named: list[Named]) -> list[Named]:
+    """The names of a joint, or none of them if they leave much of what could be explained."""
+    if not named:
+        return named
+    before, after = gap.problem(panel), gap.problem(panel, [n.trial for n in named])
+    left = explainable(panel, survey, gap.joint, after.residual, after.keep).share
+    squares = float(after.residual @ after.residual)
+    explained = float(before.residual @ before.residual) - squares
+    if explained < CERTAIN * _wandering(panel, after) * squares:
+        return []
+    rest = left * squares
+    if explained >= CERTAIN * rest:
+        return named
+    constant = explained >= ENOUGH * rest and inconstancy(panel, survey, gap, named) <= CONSTANT
+    return named if constant else []
+
+
+def unexplained(panel: Panel, survey: Survey, gap: JointGap, named: Sequence[Named]) -> list[Unexplained]:
+    """What is left on a joint and could be explained by motion, or follows the clock alone."""
+    problem = gap.problem(panel, [n.trial for n in named])
+    left = explainable(panel, survey, gap.joint, problem.residual, problem.keep)
+    if left.share > WORTH_SAYING:
+        return [Unexplained((gap.joint,), left.depends_on, left.share)]
+    slow = _wandering(panel, problem)
+    if slow > WORTH_SAYING:
+        return [Unexplained((gap.joint,), ("t (wanders)",), slow)]
+    line = spectral_line(problem.residual, starts_of(panel, problem), row_step(panel))
+    return [] if line is None else [Unexplained((gap.joint,), (f"t ({line[0]:.2g} Hz)",), line[1])]
+
+
+def _wandering(panel: Panel, problem: JointProblem) -> float:
+    return wandering(problem.residual, starts_of(panel, problem), row_step(panel))
