@@ -188,12 +188,21 @@ def _no_velocity() -> InputError:
 
 
 def known_gain(model: CurrentModel) -> FloatArray | None:
-    """Return the drive gains (n,) that a model was identified with or else its robot's card gives; None if unknown."""
+    """Return the drive gains (n,) that a model was identified with or else its robot's card gives; None if unknown.
+
+    Args:
+        model: identified model.
+    """
     return model.gain if model.force_unit == NEWTON_METRE else model.robot.gain
 
 
 def per_joint(value: float | FloatArray, n: int, what: str) -> FloatArray:
     """Return one positive value a joint.
+
+    Args:
+        value: one for all joints, or one each (n,).
+        n: joints.
+        what: the value is, with its unit, for the message.
 
     Raises:
         InputError: there are not n values, or one is not above 0.
