@@ -41,7 +41,7 @@ SEEDS = (0, 1, 2)
 MASS, COM, INERTIA = 2.0, (0.02, -0.01, 0.1), (0.006, 0.006, 0.003)
 """The payload that nobody tells of [kg, m, kg m^2]: half of what the arm may carry."""
 
-ADAPTING, PIECES = 4.0, 8
+ADAPTING, PIECES = 4.0, 5
 """Length [s] of the motion to adapt on, and how many of them are tried."""
 
 SHORT_OF_A_START = 100
@@ -125,19 +125,21 @@ def payload(table: Table) -> dict[str, Any]:
         for seed in SEEDS:
             model = table.model(f"{method}-seed{seed}")
             before = rmse(model, [free])
-            ways: dict[str, Callable[[JointLog], CurrentPredictor]] = {
-                "adapted": lambda log, model=model: adapt_payload(model, virtual.robot, log, reference),
-                "fine-tuned": lambda log, model=model: fine_tune(model, log),
-                "fine-tuned hard": lambda log, model=model: fine_tune(model, log, learning_rate=1e-3, anchor=0.1),
+            adapted = [adapt_payload(model, virtual.robot, log, reference) for log in short]
+            ways: dict[str, list[Any]] = {
+                "adapted": adapted,
+                "fine-tuned": [fine_tune(model, log) for log in short],
+                "fine-tuned hard": [fine_tune(model, log, learning_rate=1e-3, anchor=0.1) for log in short],
             }
-            found = {way: np.array([rmse(make(log), [loaded]) for log in short]) for way, make in ways.items()}
+            found = {way: np.array([rmse(one, [loaded]) for one in models]) for way, models in ways.items()}
             result[f"{method}, seed {seed}"] = {
                 "before": before.mean(),
-                "with payload": rmse(model, [loaded]).mean(),
-                **{way: _over(each.mean(axis=1) / before.mean()) for way, each in found.items()},
+                "with payload over before": rmse(model, [loaded]).mean() / before.mean(),
+                **{f"{way} over before": _over(each.mean(axis=1) / before.mean()) for way, each in found.items()},
                 "before, joints": before,
+                "with payload, joints": rmse(model, [loaded]),
                 "adapted, joints": np.median(found["adapted"], axis=0),
-                "mass found": [adapt_payload(model, virtual.robot, log, reference).payload[0] for log in short],
+                "mass found": [one.payload[0] for one in adapted],
             }
     return result
 
