@@ -167,7 +167,7 @@ def table_two(
         "preset": preset,
         "data": data or DATA[preset],
         "seeds": seeds,
-        "epochs": epochs,
+        "epochs": network_options("mlp", preset, epochs, 0, device).epochs,
         "provenance": note.to_dict(),
     }
     (out / "table_two.json").write_text(to_json(result), encoding="utf-8")
