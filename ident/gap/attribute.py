@@ -160,14 +160,7 @@ class Search:
 
     def _repeats(self, panel: Panel, trial: Trial) -> bool:
         """Whether it predicts each fold with its shape, too, found on the others: a shape may fit by chance."""
-        if not trial.effect.shapes:
-            return True
-        held_out = np.empty(len(self.before.held_out))
-        for k, fold in enumerate(np.unique(self.problem.fold)):
-            others = self.gap.without(panel.fold == fold).problem(panel, [n.trial for n in self.named])
-            shape = best_shape(panel, others, trial.effect, self.joint).shape
-            columns = admissible(panel, self.problem, trial.effect, shape, self.joint)
-            held_out[k] = self.problem.errors(columns).held_out[k]
+        held_out = nested_errors(panel, self.gap, [n.trial for n in self.named], trial.effect)
         gain = 1.0 - np.sqrt(held_out.sum() / max(self.before.total, 1e-300))
         return bool(gain > GAIN and np.all(held_out < self.before.held_out))
 
@@ -191,6 +184,18 @@ def search(panel: Panel, gap: JointGap, effects: Sequence[Effect], named: Sequen
     gate = Gate(problem, starts_of(panel, problem), np.abs(panel.velocity[problem.keep, gap.joint]))
     trials = best_trials(panel, gate, effects, gap.joint)
     return Search(gap, tuple(named), problem, gate, tuple(sorted(trials, key=penalised)), problem.errors())
+
+
+def nested_errors(panel: Panel, gap: JointGap, named: Sequence[Trial], effect: Effect) -> FloatArray:
+    """Squared residuals (folds,) of rows predicted from the others, which alone chose the effect's shape, too."""
+    problem = gap.problem(panel, named)
+    folds = np.unique(problem.fold)
+    held_out = np.empty(len(folds))
+    for k, fold in enumerate(folds):
+        others = gap.without(panel.fold == fold).problem(panel, named)
+        shape = best_shape(panel, others, effect, gap.joint).shape
+        held_out[k] = problem.errors(admissible(panel, problem, effect, shape, gap.joint)).held_out[k]
+    return held_out
 
 
 def attribute(panel: Panel, survey: Survey, gap: JointGap, first: Search | None = None) -> list[Named]:

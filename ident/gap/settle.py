@@ -8,7 +8,7 @@ import numpy as np
 
 from ident.arrays import FloatArray
 from ident.effects import load_catalogue
-from ident.gap.attribute import JointGap, Named
+from ident.gap.attribute import JointGap, Named, nested_errors
 from ident.gap.candidates import Trial, admissible
 from ident.gap.experiment import Experiment
 from ident.gap.panel import Panel
@@ -70,7 +70,8 @@ def alternatives(panel: Panel, gap: JointGap, named: Sequence[Named], one: Named
         gain = before - float(left @ left)
         if gain <= 0.5 * explained:
             continue
-        if gain >= LAW * explained or not _beats(own, left):
+        close = gain >= LAW * explained or not _beats(own, left)
+        if close and before - nested_errors(panel, gap, others, rival.effect).sum() > 0.5 * explained:
             found.setdefault(rival.effect.name, rival)
     return found
 
