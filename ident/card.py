@@ -80,7 +80,7 @@ class LogMapping(_Table):
 
 
 class RobotCard(_Table):
-    """A robot card (``robot.toml``) as CONTRACT.md describes it."""
+    """A robot card (``robot.toml``) as the contract describes it."""
 
     name: Name
     urdf: Name
