@@ -6,11 +6,16 @@ from scipy.interpolate import CubicSpline
 
 from ident.effects import load_catalogue
 from ident.gap import baseline_model, find_gap
+from ident.gap.attribute import JointGap
+from ident.gap.candidates import Trial
+from ident.gap.experiment import Joined, Question, separating, with_motion
 from ident.gap.gate import Gate, surrogates
 from ident.gap.problem import JointProblem
+from ident.gap.rows import panel_of
 from ident.gap.settle import next_experiment
 from ident.gap.spectrum import spectral_line
 from ident.gap.velocity_lag import velocity_lag
+from ident.gap.wander import wandering
 from ident.log import JointLog
 from ident.model_file import load_model, save_model
 from ident.robot import load_robot
@@ -164,3 +169,43 @@ def test_every_effect_has_an_experiment_that_settles_it():
         for rival in kind.rivals:
             assert next_experiment(name, {rival: None})
     assert next_experiment("stribeck", {}) is None
+
+
+def test_the_next_experiment_is_the_motion_on_which_two_names_differ(arm):
+    train = logs(arm, 1, hidden=lambda t, q, dq: 0.3 * np.sign(dq[:, 1]) * np.exp(-np.abs(dq[:, 1] / 0.04)))
+    model = baseline_model(arm, train)
+    panel = panel_of(model, train)
+    effects = {name: load_catalogue()[name](1) for name in ("stribeck", "viscous-nonlinear")}
+    stribeck = Trial(effects["stribeck"], np.array([0.04]), 0.0)
+    power = Trial(effects["viscous-nonlinear"], np.array([0.5]), 0.0)
+
+    def moved(speed):
+        """Steady travel to and fro at about one speed."""
+        t = np.arange(4000) / RATE
+        q = speed / (2 * np.pi * 0.2) * np.sin(2 * np.pi * 0.2 * t)[:, None] * np.ones(2)
+        return JointLog(t=t, q=q, current=np.zeros_like(q))
+
+    def joined(motion):
+        both, added = with_motion(model, panel, motion)
+        v = both.velocity[:, 1]
+        matrix = np.stack([np.tanh(v / 2e-3), v, np.ones(len(v))], axis=1)
+        return Joined(both, JointGap(1, matrix, both.force[:, 1], np.ones(len(v), dtype=bool), ()), added)
+
+    motions = {name: joined(moved(speed)) for name, speed in (("fast", 2.0), ("slow", 0.08))}
+    found = separating(Question(stribeck, power, (), NOISE), motions)
+    alone = separating(Question(stribeck, power, (), NOISE), {"fast": motions["fast"]})
+    assert found.motion == "slow"
+    assert found.ratio > 1.2 * alone.ratio
+    same = separating(Question(stribeck, stribeck, (), NOISE), motions)
+    assert same.ratio < 1e-3
+    assert not same.settles
+
+
+def test_a_wandering_offset_is_told_from_noise():
+    rng = np.random.default_rng(6)
+    noise = rng.standard_normal(6000)
+    starts = np.array([0, 3000])
+    assert wandering(noise, starts, 0.01) < 0.02
+    walk = np.cumsum(rng.standard_normal(6000)) / 40.0
+    assert wandering(noise + walk, starts, 0.01) > 0.1
+    assert wandering(noise[:500], np.array([0]), 0.01) == 0.0
