@@ -13,6 +13,7 @@ os.environ.setdefault("OMP_NUM_THREADS", "1")
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 import argparse
+import itertools
 import json
 from collections.abc import Callable
 from pathlib import Path
@@ -29,10 +30,11 @@ from comparisons.virtual_robot import VirtualRobot
 from ident.arrays import FloatArray
 from ident.identification import identify
 from ident.log import JointLog
+from ident.model_file import load_model
 from ident.predictor import CurrentPredictor
 from ident.readers import open_logs
 from ident.robot import load_robot
-from learned.adaptation import adapt_payload
+from learned.adaptation import AdaptedModel, adapt_payload
 from learned.fine_tuning import fine_tune
 from learned.predictor import LearnedModel
 from learned.training import train
@@ -41,8 +43,8 @@ SEEDS = (0, 1, 2)
 MASS, COM, INERTIA = 2.0, (0.02, -0.01, 0.1), (0.006, 0.006, 0.003)
 """The payload that nobody tells of [kg, m, kg m^2]: half of what the arm may carry."""
 
-ADAPTING, PIECES = 4.0, 5
-"""Length [s] of the motion to adapt on, and how many of them are tried."""
+ADAPTING, PIECES = (4.0, 20.0), 5
+"""Lengths [s] of the motion to adapt on, and how many of each are tried."""
 
 SHORT_OF_A_START = 100
 """Rows left out at the start of a log: nobody knows yet how the joints came to rest."""
@@ -117,35 +119,37 @@ def payload(table: Table) -> dict[str, Any]:
     carrying = VirtualRobot(virtual.robot, load)
     motion = named("mixed")(virtual.robot, frames=20_000, seed=41)
     free, loaded = virtual.record(motion, 41), carrying.record(motion, 42)
-    pieces = [named("continuous")(virtual.robot, seconds=ADAPTING, seed=50 + k) for k in range(PIECES)]
-    short = [carrying.record(piece, 50 + k) for k, piece in enumerate(pieces)]
+    slip = load_model(next((table.folder / "models").glob("maxwell-slip-*")), virtual.robot)
+    short, longer = (
+        [carrying.record(named("continuous")(virtual.robot, seconds=s, seed=50 + k), 50 + k) for k in range(PIECES)]
+        for s in ADAPTING
+    )
     reference = table.logs("hysteresis_000")[0][:20_000]
     result: dict[str, Any] = {}
-    for method in ("hrdl-md", "hybrid"):
-        for seed in SEEDS:
-            model = table.model(f"{method}-seed{seed}")
-            before = rmse(model, [free])
-            adapted = [adapt_payload(model, virtual.robot, log, reference) for log in short]
-            ways: dict[str, list[Any]] = {
-                "adapted": adapted,
-                "fine-tuned": [fine_tune(model, log) for log in short],
-                "fine-tuned hard": [fine_tune(model, log, learning_rate=1e-3, anchor=0.1) for log in short],
-            }
-            found = {way: np.array([rmse(one, [loaded]) for one in models]) for way, models in ways.items()}
-            result[f"{method}, seed {seed}"] = {
-                "before": before.mean(),
-                "with payload over before": rmse(model, [loaded]).mean() / before.mean(),
-                **{f"{way} over before": _over(each.mean(axis=1) / before.mean()) for way, each in found.items()},
-                "before, joints": before,
-                "with payload, joints": rmse(model, [loaded]),
-                "adapted, joints": np.median(found["adapted"], axis=0),
-                "mass found": [one.payload[0] for one in adapted],
-            }
+    for method, seed in itertools.product(("hrdl-md", "hybrid"), SEEDS):
+        model = table.model(f"{method}-seed{seed}")
+        before, untold = rmse(model, [free]), rmse(model, [loaded])
+
+        def adapted(log: JointLog, model: LearnedModel = model) -> AdaptedModel:
+            return adapt_payload(model, virtual.robot, log, reference, slip)
+
+        ways: dict[str, list[Any]] = {
+            "adapted on 4 s": [adapted(log) for log in short],
+            "adapted on 20 s": [adapted(log) for log in longer],
+            "fine-tuned on 4 s": [fine_tune(model, log) for log in short[:3]],
+            "fine-tuned on 4 s, faster": [fine_tune(model, log, learning_rate=1e-3, anchor=0.1) for log in short[:3]],
+        }
+        found = {way: np.array([rmse(one, [loaded]) for one in models]) for way, models in ways.items()}
+        result[f"{method}, seed {seed}"] = {
+            "before": before.mean(),
+            "untold over before": untold.mean() / before.mean(),
+            **{f"{way}, over before": np.sort(each.mean(axis=1) / before.mean()) for way, each in found.items()},
+            "before, joints": before,
+            "untold, joints": untold,
+            "adapted on 4 s, joints, median": np.median(found["adapted on 4 s"], axis=0),
+            "mass found on 4 s": [one.payload[0] for one in ways["adapted on 4 s"]],
+        }
     return result
-
-
-def _over(ratios: FloatArray) -> dict[str, float]:
-    return {"median": float(np.median(ratios)), "worst": float(ratios.max())}
 
 
 def tenth(table: Table) -> dict[str, Any]:

@@ -16,8 +16,10 @@ from ident.arrays import BoolArray, FloatArray
 from ident.causal import CausalDerivatives
 from ident.errors import InputError
 from ident.log import JointLog, Sample
+from ident.model import CurrentModel
 from ident.predictor import CurrentPredictor
 from ident.rigid_body import RigidBody
+from ident.signals import Motion
 from learned.window import Frames, decimation, frames_of
 
 if TYPE_CHECKING:
@@ -110,7 +112,11 @@ class AdaptedModel:
 
 
 def adapt_payload(
-    predictor: RatedPredictor, robot: Robot, log: JointLog, reference: JointLog | None = None
+    predictor: RatedPredictor,
+    robot: Robot,
+    log: JointLog,
+    reference: JointLog | None = None,
+    identified: CurrentModel | None = None,
 ) -> AdaptedModel:
     """Identify what was added to the last link (or taken off) since a predictor was made.
 
@@ -124,6 +130,8 @@ def adapt_payload(
         reference: with unknown gains, a longer log from before, a training log for instance. What the predictor expects
             on it, held against the torque of the CAD masses, says how much current a joint takes for a torque; by
             default ``log`` itself has to say so, and a short one hardly can.
+        identified: with unknown gains, a model identified from before, whose links say it better, as they are free of
+            friction; by default that on which a hybrid stands.
 
     Raises:
         InputError: the log does not fit, or holds less than a second that can be used.
@@ -143,7 +151,13 @@ def adapt_payload(
     if robot.gain is not None:
         scale, spread = 1.0 / robot.gain, np.zeros(robot.n)
     else:
-        scale, spread = _current_per_torque(predictor, robot, log if reference is None else reference)
+        physics = identified or getattr(predictor, "physics", None)
+        scale, spread = _current_per_torque(
+            predictor,
+            robot,
+            log if reference is None else reference,
+            physics if isinstance(physics, CurrentModel) else None,
+        )
     payload = np.zeros(10)
     first = scale
     alike = max(1.0, CORRELATION * predictor.rate)
@@ -197,20 +211,26 @@ def _payload(rows: FloatArray, left: FloatArray, scale: FloatArray, noise: Float
     return np.asarray(spread * np.linalg.solve(matrix, spread * seen))
 
 
-def _current_per_torque(predictor: RatedPredictor, robot: Robot, log: JointLog) -> tuple[FloatArray, FloatArray]:
+def _current_per_torque(
+    predictor: RatedPredictor, robot: Robot, log: JointLog, physics: CurrentModel | None
+) -> tuple[FloatArray, FloatArray]:
     """First estimate (n,) of current per torque, the slope of prediction over CAD torque, and its relative spread (n,).
 
-    A joint whose friction drowns it in this log takes the median of the others.
+    The prediction is that of the links of ``physics``, else the predictor's, friction and all; then a joint whose
+    friction drowns the torque in this log takes the median of the others.
     """
-    current, frames = predictor.predict(log, causal=True), _frames(log, predictor)
+    frames = _frames(log, predictor)
+    current = predictor.predict(log, causal=True) if physics is None else np.zeros(log.q.shape)
     use = _settled(frames, log, predictor) & np.isfinite(current).all(axis=1)
     q, dq, ddq = (x[use] for x in (frames.motion.q, frames.motion.dq, frames.motion.ddq))
     advanced = _advanced(q, dq, ddq, predictor.cutoff)
     torque = RigidBody(robot.multibody).inverse_dynamics(*advanced, robot.multibody.parameters)
+    current = current[use] if physics is None else physics.load(Motion(log.t[use], *advanced)) / physics.gain
     slope, share = np.zeros(robot.n), np.zeros(robot.n)
     for joint in range(robot.n):
-        y = current[use, joint]
-        others = np.stack([np.tanh(dq[:, joint] / 0.02), dq[:, joint], np.ones(len(dq))], axis=1)
+        y = current[:, joint]
+        friction = [np.tanh(dq[:, joint] / 0.02), dq[:, joint]] if physics is None else []
+        others = np.stack([*friction, np.ones(len(dq))], axis=1)
         bare = torque[:, joint] - others @ np.linalg.lstsq(others, torque[:, joint], rcond=None)[0]
         slope[joint] = bare @ y / max(float(bare @ bare), 1e-30)
         share[joint] = slope[joint] ** 2 * float(bare @ bare) / max(float(np.sum((y - y.mean()) ** 2)), 1e-30)

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from ident.errors import InputError
+from ident.identification import identify
 from ident.log import JointLog
 from ident.rigid_body import RigidBody
 from ident.robot import load_robot
@@ -84,6 +85,19 @@ def test_four_seconds_restore_the_accuracy_after_a_payload(robot, gains):
     assert np.sqrt(np.mean(after**2)) < 1.1 * np.sqrt(np.mean(before**2))
     if gains == "known":
         np.testing.assert_allclose(adapted.payload[0], 2.0, rtol=0.1)
+
+
+def test_the_links_of_an_identified_model_say_how_much_current_a_torque_takes(robot):
+    before = [moving(robot, 40 + k, 60.0, 0.0 * PAYLOAD) for k in range(2)]
+    physics = identify(robot, before, effects=("coulomb", "viscous")).model
+    short, loaded = moving(robot, 3, 4.0, PAYLOAD), moving(robot, 2, 30.0, PAYLOAD)
+    model = Perfect(robot)
+    told = adapt_payload(model, robot, short, before[0], physics)
+    np.testing.assert_allclose(told.scale[[1, 2, 4]], 1.0 / UNIT[[1, 2, 4]], rtol=0.1)
+    np.testing.assert_allclose(told.payload[0], 2.0, rtol=0.15)
+    assert rmse(told, loaded).mean() < 1.1 * rmse(model, before[1]).mean()
+    model.physics = physics  # what a hybrid stands on need not be given
+    np.testing.assert_array_equal(adapt_payload(model, robot, short, before[0]).payload, told.payload)
 
 
 def test_step_equals_predict(robot):
