@@ -25,13 +25,16 @@ from learned.window import Frames, decimation, frames_of
 if TYPE_CHECKING:
     from ident.robot import Robot
 
-PAYLOAD_SPREAD = np.array([3.0, *[0.4] * 3, *[0.05] * 6])
+PAYLOAD_SPREAD = np.array([3.0, *[0.2] * 3, *[0.01] * 6])
 """What a payload's parameters may be [kg, kg m, kg m^2], as standard deviations of their prior about no change."""
 SCALE_SPREAD = (0.15, 1.0)
 """Standard deviation of the prior on current per torque, relative to its first estimate: where the CAD torque explains
 all of a joint's current, and at most."""
 CORRELATION = 0.3
-"""Time [s] over which a predictor's error stays alike: that many samples say no more than one."""
+"""Time [s] over which a predictor's error is taken to stay alike where no longer log tells."""
+ALIKE = 4.0
+"""Longest time [s] over which a predictor's error is taken to stay alike, as friction does from one reversal to the
+next: that many samples say no more than one."""
 SETTLING = 3.0
 """Periods of the cut-off until the filters have forgotten how they began."""
 ROUNDS = 10
@@ -127,9 +130,10 @@ def adapt_payload(
         predictor: predictor made with the former payload.
         robot: the robot; its gains are used where known.
         log: a few seconds of motion with the new payload, touching nothing.
-        reference: with unknown gains, a longer log from before, a training log for instance. What the predictor expects
-            on it, held against the torque of the CAD masses, says how much current a joint takes for a torque; by
-            default ``log`` itself has to say so, and a short one hardly can.
+        reference: a longer log from before, a training log for instance. How slowly the predictor's error changes on it
+            says how much to believe of ``log``. With unknown gains, what the predictor expects on it, held against the
+            torque of the CAD masses, also says how much current a joint takes for a torque; by default ``log`` itself
+            has to say so, and a short one hardly can.
         identified: with unknown gains, a model identified from before, whose links say it better, as they are free of
             friction; by default that on which a hybrid stands.
 
@@ -160,7 +164,8 @@ def adapt_payload(
         )
     payload = np.zeros(10)
     first = scale
-    alike = max(1.0, CORRELATION * predictor.rate)
+    alike = np.full(robot.n, CORRELATION * predictor.rate) if reference is None else _alike(predictor, reference)
+    alike = np.maximum(alike, 1.0)
     for _ in range(ROUNDS):
         error = left - scale * (regressor @ payload)
         noise = np.maximum(np.mean(error**2, axis=0), 1e-12) * alike
@@ -209,6 +214,18 @@ def _payload(rows: FloatArray, left: FloatArray, scale: FloatArray, noise: Float
     spread = PAYLOAD_SPREAD
     matrix = information * np.outer(spread, spread) + np.eye(10)
     return np.asarray(spread * np.linalg.solve(matrix, spread * seen))
+
+
+def _alike(predictor: RatedPredictor, log: JointLog) -> FloatArray:
+    """Number (n,) of successive samples of a predictor's error that say no more than one.
+
+    The variance of means over ``ALIKE`` seconds is that of the error over the number of independent ones among them.
+    """
+    error = log.current - predictor.predict(log, causal=True)
+    error = error[np.isfinite(error).all(axis=1)]
+    rows = min(round(ALIKE * log.rate), len(error) // 2)
+    parts = error[: len(error) // rows * rows].reshape(-1, rows, error.shape[1])
+    return np.asarray(np.clip(rows * parts.mean(axis=1).var(axis=0) / parts.var(axis=(0, 1)), 1.0, rows))
 
 
 def _current_per_torque(
