@@ -18,6 +18,9 @@ from ident.gap.settle import LAW
 SHARE = 0.85
 """Share of what the best effects of single joints explain, together, that one cause of the whole robot must."""
 
+MAJORITY = 2.0 / 3.0
+"""Share of the joints that lack something on which it must explain that much, if not on all together."""
+
 VISIBLE = 1e-6
 """Share of an effect's square that the baseline must leave."""
 
@@ -51,17 +54,21 @@ def whole_effect(
     """The best cause of the whole robot, if it explains about as much as single joints' effects."""
     problems = [search.problem for search in searches]
     before = np.array([p.errors().held_out for p in problems])
-    single = sum(
-        0.5 * len(p) * np.log(b.sum() / min(b.sum(), s.best_error))
-        for p, b, s in zip(problems, before, searches, strict=True)
-    )
+    best_single = np.array([min(b.sum(), s.best_error) for b, s in zip(before, searches, strict=True)])
+    single = _likelihoods(problems, before.sum(axis=1), best_single)
+    affected = 1.0 - np.sqrt(best_single / before.sum(axis=1)) > GAIN
     tried = [_try(panel, problems, effect, before) for effect in forms(survey, None, present)]
     ranking = tuple(sorted((w for w in tried if w is not None), key=lambda w: -w.likelihood))
     for best in ranking:
         after = best.held_out.sum(axis=1)
         gains = 1.0 - np.sqrt(after / before.sum(axis=1))
         helped = int(np.sum((gains > GAIN) & (best.held_out < before).all(axis=1)))
-        if helped < min(2, panel.robot.n) or gains.min() < -GAIN or best.likelihood < SHARE * single:
+        if helped < min(2, panel.robot.n) or gains.min() < -GAIN:
+            continue
+        rivalled = affected & (_likelihoods(problems, before.sum(axis=1), after) >= SHARE * single)
+        # A joint may have a cause of its own besides.
+        most = rivalled.sum() >= max(2, MAJORITY * affected.sum())
+        if best.likelihood < SHARE * single.sum() and not most:
             continue
         p_value = _p_value(panel, best, searches)
         if p_value <= LEVEL:
@@ -94,11 +101,16 @@ def _try(panel: Panel, problems: Sequence[JointProblem], effect: Effect, before:
         if found is None or np.any(found[0] < lower):
             continue
         coefficients, held_out = found
-        lengths = np.array([len(p) for p in problems])
-        gain = float(np.sum(0.5 * lengths * np.log(before.sum(axis=1) / np.maximum(held_out.sum(axis=1), 1e-300))))
+        gain = float(_likelihoods(problems, before.sum(axis=1), held_out.sum(axis=1)).sum())
         if best is None or gain > best.likelihood:
             best = Whole(effect, shape, coefficients, held_out, gain)
     return best
+
+
+def _likelihoods(problems: Sequence[JointProblem], before: FloatArray, after: FloatArray) -> FloatArray:
+    """Gain in log-likelihood (n,) of each joint when its squared residual falls."""
+    lengths = np.array([len(p) for p in problems])
+    return np.asarray(0.5 * lengths * np.log(before / np.maximum(after, 1e-300)))
 
 
 def _shared(
