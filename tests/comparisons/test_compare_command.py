@@ -254,7 +254,7 @@ def test_presets_change_what_a_method_suggests():
     assert training_options("hrdl-md", "paper", None, 3, None).seed == 3
     assert training_options("hrdl-md", "paper", None, 0, None).width is None
     quick = training_options("hybrid", "quick", 7, 0, None)
-    assert (quick.epochs, quick.width, quick.signal) == (7, 64, "displacement")
+    assert (quick.epochs, quick.width, quick.signal) == (7, 64, "displacement-and-travel")
     with pytest.raises(InputError, match="epochs of 0"):
         Request(("mlp",), epochs=0)
 
