@@ -1,12 +1,15 @@
 """``sensorless gap``: results as the contract has them, predictions before and after, bad input in one line."""
 
 import json
+from types import SimpleNamespace
 
 import numpy as np
 import pyarrow.parquet
 import pytest
 
 from comparisons import cli
+from comparisons.commands.gap import write_experiments
+from comparisons.protocols.experiments import Experiments
 from ident.log import JointLog
 from ident.log_writer import write_log
 from ident.model_file import load_model
@@ -137,3 +140,16 @@ def test_bad_input_is_one_line_and_leaves_the_directory(words, what, done, robot
     assert what in err
     assert err.count("\n") == 1
     assert [p.name for p in (tmp_path / "out").iterdir()] == ["mine.txt"]
+
+
+def test_the_motion_that_would_settle_a_name_is_written_beside_the_report(tmp_path):
+    vs060 = load_robot("vs060")
+    motions = Experiments(vs060, seconds=20.0)
+    asked = SimpleNamespace(findings=[SimpleNamespace(motions=("static_poses",)), SimpleNamespace(motions=())])
+    write_experiments(asked, motions, tmp_path / "experiments")
+    (written,) = (tmp_path / "experiments").iterdir()
+    table = np.genfromtxt(written, delimiter=",", names=True)
+    assert written.name == "static_poses.csv"
+    assert table.dtype.names == ("t", *(f"q{j}" for j in range(1, 7)))
+    np.testing.assert_allclose(table["q2"], motions["static_poses"].q[:, 1], atol=1e-6)
+    assert np.all(np.abs(np.diff(table["q1"])) * motions.rate <= vs060.limits.velocity[0])
