@@ -1,6 +1,6 @@
 """The candidate columns that rival methods choose among: the catalogue's, at the starting shapes that fit best.
 
-Rivals get what the gap workflow gets: the same rows of the same logs, the same baseline (with the same nuisance column
+Rivals get what the gap workflow gets: the same rows of the same logs, the same baseline (with the same nuisance columns
 for how the sign of velocity turns) and the same effects. They differ in how they choose.
 """
 
@@ -13,9 +13,9 @@ from functools import cached_property
 import numpy as np
 
 from ident.arrays import FloatArray
-from ident.effects.base import Effect, Survey, Term
-from ident.effects.friction import Coulomb
-from ident.gap.candidates import admissible, forms, grid
+from ident.effects.base import Effect, Survey
+from ident.gap.candidates import best_start, forms
+from ident.gap.edge import edge_columns
 from ident.gap.panel import Panel
 from ident.gap.problem import JointProblem
 from ident.gap.rows import panel_of, survey_of
@@ -83,7 +83,7 @@ def library(model: CurrentModel, train: Sequence[LogSource], refit: bool) -> Lib
 
 def _joint(model: CurrentModel, panel: Panel, survey: Survey, refit: bool, joint: int) -> JointLibrary:
     own = [t for t in model.terms if t.effect.joint in (None, joint)]
-    target, matrix = panel.force[:, joint], _nuisance(panel, own, joint)
+    target, matrix = panel.force[:, joint], edge_columns(panel, own, joint)
     if refit:
         matrix = np.hstack([*(panel.columns(t.effect, t.shape, joint) for t in own), matrix])
     else:
@@ -101,20 +101,6 @@ def _candidates(
     names = {effect.name for effect in single}
     whole = [effect for effect in forms(survey, None, present) if effect.name not in names]
     for effect in [*single, *whole]:
-        best, shape = -1.0, np.zeros(0)
-        for tried in grid(effect.shapes):
-            drop = problem.drop(admissible(panel, problem, effect, tried, joint))
-            if drop > best:
-                best, shape = drop, tried
-        columns = panel.columns(effect, shape, joint)[problem.keep]
-        if best > 0.0:
-            yield Candidate(effect, shape, columns)
-
-
-def _nuisance(panel: Panel, own: Sequence[Term], joint: int) -> FloatArray:
-    """The column (N, 1) that the workflow's baseline has for how the sign of velocity turns in detail."""
-    for term in own:
-        if isinstance(term.effect, Coulomb):
-            v, width = panel.velocity[:, joint], term.effect.smoothing
-            return np.asarray((v / np.sqrt(v**2 + width**2) - np.tanh(v / width))[:, None])
-    return np.zeros((len(panel), 0))
+        best = best_start(panel, problem, effect, joint)
+        if best.drop > 0.0:
+            yield Candidate(effect, best.shape, problem.of(panel.columns(effect, best.shape, joint)))

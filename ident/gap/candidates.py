@@ -130,14 +130,20 @@ def refine(panel: Panel, problem: JointProblem, trial: Trial, joint: int) -> Tri
     return replace(trial, shape=shape, drop=drop)
 
 
-def best_shape(panel: Panel, problem: JointProblem, effect: Effect, joint: int) -> Trial:
-    """An effect at the shape that suits a problem's rows best."""
+def best_start(panel: Panel, problem: JointProblem, effect: Effect, joint: int) -> Trial:
+    """An effect at that of its starting shapes that suits a problem's rows best."""
     best: Trial | None = None
     for shape in grid(effect.shapes):
         drop = problem.drop(admissible(panel, problem, effect, shape, joint))
         if best is None or drop > best.drop:
             best = Trial(effect, shape, drop)
     assert best is not None
+    return best
+
+
+def best_shape(panel: Panel, problem: JointProblem, effect: Effect, joint: int) -> Trial:
+    """An effect at the shape that suits a problem's rows best."""
+    best = best_start(panel, problem, effect, joint)
     return refine(panel, problem, best, joint) if effect.shapes else best
 
 
