@@ -12,7 +12,7 @@ from ident.effects.base import Effect, Survey
 from ident.gap.candidates import Trial, admissible, best_shape, best_trials, forms, refine, usable, with_errors
 from ident.gap.gate import Gate
 from ident.gap.panel import Panel
-from ident.gap.problem import Errors, JointProblem
+from ident.gap.problem import Errors, JointProblem, gain
 from ident.uncertainty import correlation_time
 
 GAIN = 0.05
@@ -130,18 +130,17 @@ class Search:
         """The best candidate that passes the gate, if there is one; ``looks`` joints share the level."""
         for trial in self.trials:
             assert trial.errors is not None
-            gain = 1.0 - np.sqrt(trial.errors.total / max(self.before.total, 1e-300))
+            gained = gain(self.before.total, trial.errors.total)
             explained = self.before.total - trial.errors.total
-            if gain <= GAIN or trial.at_bound or explained <= _law_error(trial.effect, self.named):
+            if gained <= GAIN or trial.at_bound or explained <= _law_error(trial.effect, self.named):
                 continue
             columns = admissible(panel, self.problem, trial.effect, trial.shape, self.joint)
-            if not self._worth(columns, trial, gain):
+            if not self._worth(columns, trial, gained):
                 continue
             p_value = min(1.0, looks * self.gate.p_value(self.gate.statistic(columns)))
             if p_value > LEVEL or not np.all(trial.errors.held_out < self.before.held_out):
                 continue
-            honest = self._harmless(columns) and self._shrinks(panel, trial) and self._repeats(panel, trial)
-            if honest:
+            if self._harmless(columns) and self._shrinks(panel, trial) and self._repeats(panel, trial):
                 return Named(trial, p_value, explained, self.trials)
         return None
 
@@ -156,32 +155,30 @@ class Search:
         """Whether the model as it will be delivered, without nuisance, gains by the effect as well."""
         bare = self.gap.bare().problem(panel, [n.trial for n in self.named])
         with_it = bare.errors(admissible(panel, bare, trial.effect, trial.shape, self.joint))
-        return bool(1.0 - np.sqrt(with_it.total / max(bare.errors().total, 1e-300)) > 0.5 * GAIN)
+        return gain(bare.errors().total, with_it.total) > 0.5 * GAIN
 
     def _repeats(self, panel: Panel, trial: Trial) -> bool:
         """Whether it predicts each fold with its shape, too, found on the others: a shape may fit by chance."""
         held_out = nested_errors(panel, self.gap, [n.trial for n in self.named], trial.effect)
-        gain = 1.0 - np.sqrt(held_out.sum() / max(self.before.total, 1e-300))
-        return bool(gain > GAIN and np.all(held_out < self.before.held_out))
+        better = bool(np.all(held_out < self.before.held_out))
+        return better and gain(self.before.total, float(held_out.sum())) > GAIN
 
-    def _worth(self, columns: FloatArray, trial: Trial, gain: float) -> bool:
+    def _worth(self, columns: FloatArray, trial: Trial, gained: float) -> bool:
         """Whether a gain pays for the effect's parameters and for having been searched, in independent samples.
 
         Schwarz's criterion with the number of samples divided by the residual's correlation time, and the logarithm
         of the number of candidates (Chen and Chen 2008).
         """
-        left = self.problem.target - np.column_stack([self.problem.matrix * self.problem.norm, columns]) @ (
-            self.problem.fit(columns)
-        )
+        left = self.problem.left(columns)
         samples = len(left) / correlation_time(left)
         price = 0.5 * (columns.shape[1] + len(trial.shape)) * np.log(max(samples, 2.0)) + np.log(len(self.trials))
-        return bool(-samples * np.log(1.0 - gain) > PRICE * price)
+        return bool(-samples * np.log(1.0 - gained) > PRICE * price)
 
 
 def search(panel: Panel, gap: JointGap, effects: Sequence[Effect], named: Sequence[Named] = ()) -> Search:
     """Try effects on a joint, besides those named."""
     problem = gap.problem(panel, [n.trial for n in named])
-    gate = Gate(problem, starts_of(panel, problem), np.abs(panel.velocity[problem.keep, gap.joint]))
+    gate = gate_of(panel, problem, gap.joint)
     trials = best_trials(panel, gate, effects, gap.joint)
     return Search(gap, tuple(named), problem, gate, tuple(sorted(trials, key=penalised)), problem.errors())
 
@@ -241,6 +238,11 @@ def starts_of(panel: Panel, problem: JointProblem) -> IntArray:
     return np.unique(np.searchsorted(problem.keep, panel.start))
 
 
+def gate_of(panel: Panel, problem: JointProblem, joint: int) -> Gate:
+    """The gate of a joint's rows."""
+    return Gate(problem, starts_of(panel, problem), np.abs(panel.velocity[problem.keep, joint]))
+
+
 def _swapped(panel: Panel, gap: JointGap, named: list[Named]) -> list[Named]:
     """Fit shapes again, each effect's among the others, and put a rival in its place where that is better."""
     for k, old in enumerate(named):
@@ -275,7 +277,7 @@ def _pruned(panel: Panel, gap: JointGap, named: list[Named]) -> list[Named]:
         others = [n for n in kept if n is not one]
         with_it = gap.problem(panel, [n.trial for n in kept]).errors()
         without = gap.problem(panel, [n.trial for n in others]).errors()
-        if 1.0 - np.sqrt(with_it.total / max(without.total, 1e-300)) <= GAIN:
+        if gain(without.total, with_it.total) <= GAIN:
             kept = others
     return kept
 

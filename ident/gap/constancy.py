@@ -6,9 +6,8 @@ import numpy as np
 
 from ident.effects.base import Survey
 from ident.gap.abstain import signals
-from ident.gap.attribute import JointGap, Named, starts_of
+from ident.gap.attribute import JointGap, Named, gate_of
 from ident.gap.candidates import admissible
-from ident.gap.gate import Gate
 from ident.gap.panel import Panel
 
 THIRDS = (1 / 3, 2 / 3)
@@ -23,7 +22,7 @@ def inconstancy(panel: Panel, survey: Survey, gap: JointGap, named: list[Named])
     """
     full, plain = gap.problem(panel, [n.trial for n in named]), gap.problem(panel)
     explained = float(plain.residual @ plain.residual) - float(full.residual @ full.residual)
-    gate = Gate(full, starts_of(panel, full), np.abs(panel.velocity[full.keep, gap.joint]))
+    gate = gate_of(panel, full, gap.joint)
     _, values = signals(panel, survey, gap.joint)
     parts = [np.digitize(v, np.quantile(v, THIRDS)) for v in values[full.keep].T]
     worst = 0.0

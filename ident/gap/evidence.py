@@ -10,6 +10,7 @@ import numpy as np
 from ident.arrays import FloatArray
 from ident.gap.attribute import JointGap, Named
 from ident.gap.panel import Panel
+from ident.gap.problem import gain
 from ident.log import LogSource
 from ident.model import CurrentModel
 
@@ -59,4 +60,4 @@ def negative_control(panel: Panel, gap: JointGap, named: Sequence[Named], one: N
     problem = gap.problem(panel, [n.trial for n in named if n is not one])
     columns = panel.columns(one.effect, one.trial.shape, gap.joint)[problem.keep]
     shifted = problem.errors(np.roll(columns, len(columns) // 2, axis=0)).total
-    return float(1.0 - np.sqrt(shifted / max(problem.errors().total, 1e-300)))
+    return gain(problem.errors().total, shifted)

@@ -131,8 +131,7 @@ def _unfollowed(truth: Trial, rival: Trial, besides: Sequence[Trial], joined: Jo
     if refined and rival.effect.shapes:
         now = refine(panel, problem, now, gap.joint)
         columns = admissible(panel, problem, rival.effect, now.shape, gap.joint)
-    found = problem.fit(columns)
-    left = problem.target - np.column_stack([problem.matrix * problem.norm, columns]) @ found
+    left = problem.left(columns)
     explained = float(problem.residual @ problem.residual)
     on_motion = float(np.sqrt(np.mean(left[-joined.added :] ** 2)))
     return _Difference(on_motion, float(left @ left) / max(explained, 1e-300))

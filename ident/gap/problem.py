@@ -23,6 +23,11 @@ def sizes(columns: npt.NDArray[Any]) -> npt.NDArray[Any]:
     return lengths
 
 
+def gain(before: float, after: float) -> float:
+    """Share by which an RMS residual falls when its sum of squares does."""
+    return float(1.0 - np.sqrt(after / max(before, 1e-300)))
+
+
 @dataclass(frozen=True, eq=False)
 class Errors:
     """Sums of squared residuals: with all rows fitted, and (folds,) of rows held out of the fit."""
@@ -162,6 +167,11 @@ class JointProblem:
         normal += RIDGE * np.diag(np.diag(normal) + 1e-300)
         found = np.asarray(np.linalg.lstsq(normal, both.T @ self.target, rcond=1e-12)[0])
         return np.asarray(found / np.concatenate([self.norm, size]))
+
+    def left(self, columns: FloatArray) -> FloatArray:
+        """Residual (N,) with columns (N, k) fitted besides the baseline, all rows together."""
+        left: FloatArray = self.target - np.column_stack([self.matrix * self.norm, columns]) @ self.fit(columns)
+        return left
 
     def errors(self, columns: FloatArray | None = None) -> Errors:
         """Squared residuals with columns (N, k) fitted besides the baseline, each fold predicted from the others."""
