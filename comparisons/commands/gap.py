@@ -91,14 +91,12 @@ def gap_into(
 
 def write_experiments(found: GapReport, motions: Mapping[str, JointLog], folder: Path) -> None:
     """Write the motions that would settle what is open as ``<motion>.csv``: t and commanded positions q1..qn."""
-    import numpy as np
+    from ident.excitation.output import write_columns
 
     for name in dict.fromkeys(name for finding in found.findings for name in finding.motions):
         folder.mkdir(parents=True, exist_ok=True)
-        log = motions[name]
-        head = ",".join(["t", *(f"q{j + 1}" for j in range(log.q.shape[1]))])
-        table = np.column_stack([log.t, log.q])
-        np.savetxt(folder / f"{name}.csv", table, fmt="%.6f", delimiter=",", header=head, comments="")
+        motion = motions[name]
+        write_columns(motion.t, {"q": motion.q}, folder / f"{name}.csv")
 
 
 def write_both(found: GapReport, logs: list[Any], folder: Path) -> dict[str, Any]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -29,12 +29,17 @@ def check_rate(family: FourierFamily, rate: float) -> None:
 
 def write_table(motion: Motion, path: Path) -> None:
     """Write ``t``, ``q1..qn``, ``dq1..dqn`` and ``ddq1..ddqn`` [s, rad, m] as CSV or Parquet, by suffix."""
+    write_columns(motion.t, {"q": motion.q, "dq": motion.dq, "ddq": motion.ddq}, path)
+
+
+def write_columns(t: FloatArray, joints: Mapping[str, FloatArray], path: Path) -> None:
+    """Write ``t`` (N,) and what each joint does, (N, n) by name, with columns ``name1..namen``; CSV or Parquet."""
     import pyarrow as pa
     import pyarrow.csv
     import pyarrow.parquet
 
-    columns: dict[str, FloatArray] = {"t": motion.t}
-    for name, values in (("q", motion.q), ("dq", motion.dq), ("ddq", motion.ddq)):
+    columns: dict[str, FloatArray] = {"t": t}
+    for name, values in joints.items():
         columns |= {f"{name}{k + 1}": values[:, k] for k in range(values.shape[1])}
     table = pa.table(columns)
     if path.suffix == ".parquet":

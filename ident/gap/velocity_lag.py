@@ -8,8 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from ident.arrays import FloatArray
-from ident.log import LogSource
-from ident.signals import derive
+from ident.log import LogSource, PositionsOnly
+from ident.walk import walk
 
 LEAST = 2e-3
 """Seconds of lag below which nothing is said: a filter's rounding."""
@@ -33,15 +33,15 @@ def velocity_lag(sources: Sequence[LogSource], cutoff: float) -> VelocityLag | N
     """
     products, squares = None, None
     for source in sources:
-        log = source.read()
-        if log.dq is None or len(log) < 2:
-            continue
-        true, logged = derive(log.positions_only(), cutoff), derive(log, cutoff)
-        known = np.isfinite(true.ddq).all(axis=1) & np.isfinite(logged.dq).all(axis=1)
-        behind = np.sum((true.dq - logged.dq)[known] * true.ddq[known], axis=0)
-        size = np.sum(true.ddq[known] ** 2, axis=0)
-        products = behind if products is None else products + behind
-        squares = size if squares is None else squares + size
+        for true, logged in zip(walk(PositionsOnly(source), cutoff), walk(source, cutoff), strict=True):
+            if logged.log.dq is None:
+                break
+            known = np.isfinite(true.motion.ddq).all(axis=1) & np.isfinite(logged.motion.dq).all(axis=1)
+            ddq = true.motion.ddq[known]
+            behind = np.sum((true.motion.dq - logged.motion.dq)[known] * ddq, axis=0)
+            size = np.sum(ddq**2, axis=0)
+            products = behind if products is None else products + behind
+            squares = size if squares is None else squares + size
     if products is None or squares is None:
         return None
     lags = products / np.maximum(squares, 1e-300)
