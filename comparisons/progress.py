@@ -17,7 +17,7 @@ def show_progress() -> Iterator[Progress]:
     Each new stage gets a line of its own below the former. Where standard error is no terminal nothing is printed.
     """
     if not sys.stderr.isatty():
-        yield _quiet
+        yield show_nothing
         return
     from rich.console import Console
     from rich.progress import BarColumn, Progress, TaskID, TextColumn, TimeElapsedColumn
@@ -34,5 +34,5 @@ def show_progress() -> Iterator[Progress]:
         yield advance
 
 
-def _quiet(stage: str, share: float) -> None:
+def show_nothing(stage: str, share: float) -> None:
     """Show nothing."""

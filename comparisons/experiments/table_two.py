@@ -1,10 +1,12 @@
 """Table II of the paper on the virtual VS060: errors of all methods, what a step takes, and the hierarchies one by one.
 
 Run it by ``python -m comparisons.experiments.table_two --preset quick --seeds 3 --out DIR``; a run that was killed goes
-on when it is started again. It writes ``table_two.json`` and ``table_two.md`` into DIR, and keeps the logs and models
-there. Shan and Pham, "Sensorless Estimation of Contact Using Deep-Learning for Human-Robot Interaction", section V; the
-rows that the paper lacks are the models with hysteresis, that with the effects which the gap workflow names, and the
-hybrid, which stands on the one with Maxwell slip.
+on when it is started again. ``--jobs`` says how many methods are fitted at a time, ``--scheduler tcp://HOST:8786`` has
+the workers of a Dask cluster fit them (extra ``cluster``; workers must see DIR under the same path). It writes
+``table_two.json`` and ``table_two.md`` into DIR, and keeps the logs and models there. Shan and Pham, "Sensorless
+Estimation of Contact Using Deep-Learning for Human-Robot Interaction", section V; the rows that the paper lacks are the
+models with hysteresis, that with the effects which the gap workflow names, and the hybrid, which stands on the one with
+Maxwell slip.
 """
 
 from __future__ import annotations
@@ -18,7 +20,9 @@ from typing import Any
 
 import cyclopts
 import numpy as np
+from joblib import Parallel, delayed
 
+from comparisons.cluster import workers
 from comparisons.comparison.contestant import Contestant
 from comparisons.comparison.held_out import HeldOut
 from comparisons.comparison.methods import FAMILIES, PHYSICS, Preset, training_options
@@ -30,7 +34,7 @@ from comparisons.experiments.data import PaperData, paper_data
 from comparisons.experiments.table_two_gap import GapWorkshop
 from comparisons.experiments.table_two_page import table_two_page
 from comparisons.output import to_json
-from comparisons.progress import Progress, show_progress
+from comparisons.progress import Progress, show_nothing, show_progress
 from comparisons.report.provenance import provenance
 from comparisons.virtual_robot import VirtualRobot
 from ident.robot import load_robot
@@ -64,7 +68,7 @@ goes with twice its learning rate."""
 
 @dataclass
 class Rows:
-    """Fits the methods of the table, one after another.
+    """Fits the methods of the table.
 
     Attributes:
         data: the logs.
@@ -82,6 +86,22 @@ class Rows:
     device: str | None
     progress: Progress
     named: dict[str, list[int]] = field(default_factory=dict)
+
+    def fit(self) -> None:
+        """Fit every run of every row side by side, within a block of `workers`; `all` then finds them done."""
+        self._model(SLIP, *MODELS[SLIP])  # hybrids stand on it
+        apart = dataclasses.replace(self, progress=show_nothing)
+        calls = [delayed(apart._fit_model)(row) for row in MODELS if row != SLIP]
+        calls += [delayed(apart._fit_network)(row, seed) for seed in range(self.seeds) for row in NETWORKS]
+        for number, _ in enumerate(Parallel(return_as="generator_unordered")(calls), start=1):
+            self.progress("fitting", number / len(calls))
+
+    def _fit_model(self, row: str) -> None:
+        self._model(row, *MODELS[row])
+
+    def _fit_network(self, row: str, seed: int) -> None:
+        for _ in self._network(row, NETWORKS[row], seed):
+            pass
 
     def all(self) -> Iterator[Contestant]:
         """Yield every run of every row, seed after seed; runs of one row have its name as their method."""
@@ -142,6 +162,8 @@ def table_two(
     data: str | None = None,
     seed: int = 0,
     device: str | None = None,
+    jobs: int = 1,
+    scheduler: str | None = None,
 ) -> None:
     """Make the paper's Table II on the virtual VS060.
 
@@ -153,13 +175,19 @@ def table_two(
         data: another preset of the data sets than `DATA` has for that of the networks.
         seed: of the data.
         device: that networks learn on: cpu or cuda.
+        jobs: methods fitted at a time on this machine.
+        scheduler: address of a Dask scheduler whose workers fit them instead.
     """
     out.mkdir(parents=True, exist_ok=True)
     with show_progress() as progress:
         virtual = VirtualRobot(load_robot(ROBOT))
-        logs = paper_data(virtual, data or DATA[preset], out / "data", seed, progress)
+        home = out.absolute()  # workers need not stand where this process does
+        logs = paper_data(virtual, data or DATA[preset], home / "data", seed, progress)
         tests = HeldOut.of(logs.test)
-        rows = Rows(logs, out / "models", preset, epochs, seeds, device, progress)
+        rows = Rows(logs, home / "models", preset, epochs, seeds, device, progress)
+        if scheduler is not None or jobs > 1:
+            with workers(scheduler, jobs):
+                rows.fit()
         result = _measure(rows, tests)
     words = ["python", "-m", "comparisons.experiments.table_two", *sys.argv[1:]]
     note = provenance([out / "data"], seed=seed, command=words, libraries=("torch",))
