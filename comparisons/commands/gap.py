@@ -93,7 +93,7 @@ def write_experiments(found: GapReport, motions: Mapping[str, JointLog], folder:
     """Write the motions that would settle what is open as ``<motion>.csv``: t and commanded positions q1..qn."""
     from ident.excitation.output import write_columns
 
-    for name in dict.fromkeys(name for finding in found.findings for name in finding.motions):
+    for name in dict.fromkeys(name for finding in found.findings for name in finding.motions.values()):
         folder.mkdir(parents=True, exist_ok=True)
         motion = motions[name]
         write_columns(motion.t, {"q": motion.q}, folder / f"{name}.csv")

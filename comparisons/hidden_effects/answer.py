@@ -62,6 +62,16 @@ class Truth:
         """Severity of its effects; None where nothing is hidden."""
         return max((s.severity for s in self.secrets), default=None)
 
+    @property
+    def clarity(self) -> float | None:
+        """Severity over what the baseline leaves without the effects, not over the noise; None where nothing is hidden.
+
+        Of the least clear effect; one of the whole robot is held against all joints' mean.
+        """
+        share = np.array(self.noise) / np.array(self.known)
+        mean = float(np.sqrt(np.mean(share**2)))
+        return min((s.severity * (float(share[s.joints[0]]) if s.joints else mean) for s in self.secrets), default=None)
+
 
 @dataclass(frozen=True)
 class Name:
@@ -92,6 +102,7 @@ class Answer:
         before, after: RMS errors (n,) on the test logs, of the model before and with what was found.
         seconds: what it took.
         settled: whether the true name stood alone once a log of the motion proposed was added; None where none was.
+        least_p_value: of the best candidate of all joints, whether or not it was named; None where none is stated.
     """
 
     findings: tuple[Name, ...]
@@ -100,6 +111,7 @@ class Answer:
     after: tuple[float, ...] = ()
     seconds: float = 0.0
     settled: bool | None = None
+    least_p_value: float | None = None
 
     def to_dict(self) -> dict[str, Any]:
         """Return it as JSON-like values."""
@@ -114,7 +126,8 @@ class Answer:
         )
         unexplained = tuple(tuple(joints) for joints in values["unexplained"])
         before, after = (tuple(_number(x) for x in values[key]) for key in ("before", "after"))
-        return Answer(names, unexplained, before, after, values["seconds"], values.get("settled"))
+        least = values.get("least_p_value")
+        return Answer(names, unexplained, before, after, values["seconds"], values.get("settled"), least)
 
 
 def _number(value: float | None) -> float:
@@ -149,7 +162,8 @@ def answer_of(report: GapReport, seconds: float) -> Answer:
     unexplained = tuple(tuple(u.joints) for u in report.unexplained)
     shown = report.evidence
     before, after = ((), ()) if shown is None else (shown.before.tolist(), shown.after.tolist())
-    return Answer(names, unexplained, tuple(before), tuple(after), seconds)
+    least = float(report.p_values.min())
+    return Answer(names, unexplained, tuple(before), tuple(after), seconds, least_p_value=least)
 
 
 def plain_figures(parameters: Mapping[str, Any]) -> dict[str, float]:

@@ -19,6 +19,9 @@ if TYPE_CHECKING:
 ENOUGH = 1.0
 """Least severity in the table."""
 
+CLEAR = 0.8
+"""Least clarity of effects that count as identifiable; at severity 1 the baseline then errs by 1.25 times the noise."""
+
 TARGETS = {
     "first name right": ">= 95 %",
     "true name in name + alternatives": ">= 99 %",
@@ -56,6 +59,7 @@ def results(records: Sequence[Mapping[str, Any]], methods: Sequence[str]) -> dic
         weak = [j for j in asked if j.truth.severity is not None and j.truth.severity < ENOUGH]
         found["methods"][method] = {
             "table": _scores(table(strong)),
+            "identifiable": _scores(table([j for j in strong if j.truth.clarity is None or j.truth.clarity >= CLEAR])),
             "weak": _scores(table(weak)),
             "curves": {row: _scores(scores) for row, scores in curves(asked).items()},
             "calibration": {what: _scores(scores) for what, scores in calibration(asked).items()},
@@ -95,6 +99,12 @@ def page(found: Mapping[str, Any]) -> str:
         "and of how many.",
         "",
         *_table(found["methods"], "table"),
+    ]
+    lines += [
+        "",
+        f"The same where the effect is at least {CLEAR:g} of what the baseline leaves with it taken away:",
+        "",
+        *_table(found["methods"], "identifiable"),
     ]
     if any(of["weak"] for of in found["methods"].values()):
         lines += ["", f"Severity below {ENOUGH:g}:", "", *_table(found["methods"], "weak")]
@@ -142,7 +152,7 @@ def _table(methods: Mapping[str, Any], which: str) -> list[str]:
     lines = [f"| | target | {' | '.join(methods)} |", "|---|---|" + "---|" * len(methods)]
     for row in rows:
         cells = [_cell(row, of[which].get(row)) for of in methods.values()]
-        target = TARGETS.get(row, "") if which == "table" else ""
+        target = TARGETS.get(row, "") if which != "weak" else ""
         lines.append(f"| {row} | {target} | {' | '.join(cells)} |")
     return lines
 
@@ -159,14 +169,16 @@ def _cell(row: str, score: Mapping[str, Any] | None) -> str:
 def _calibrated(method: str, of: Mapping[str, Any]) -> list[str]:
     given = of["calibration"]
     lines = [
-        f"Stated p-values of {method}: share of cases with nothing hidden in which a name is given at that p or less, "
-        "and share of names stated between the level before and this one that are wrong with all their alternatives.",
+        f"Stated p-values of {method}: share of cases with nothing hidden in which the best candidate has that p or "
+        "less, in which a name is given at it, and share of names stated between the level before and this one that "
+        "are wrong with all their alternatives.",
         "",
-        "| p | named, nothing hidden | wrong names |",
-        "|---|---|---|",
+        "| p | best candidate, nothing hidden | named, nothing hidden | wrong names |",
+        "|---|---|---|---|",
     ]
-    for level, score in given["nothing hidden"].items():
-        lines.append(f"| {level} | {_cell('', score)} | {_cell('', given['names'][level])} |")
+    for level in given["nothing hidden"]:
+        others = [_cell("", given[what][level]) for what in ("candidates", "nothing hidden", "names")]
+        lines.append(f"| {level} | {' | '.join(others)} |")
     return [*lines, ""]
 
 

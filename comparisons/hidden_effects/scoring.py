@@ -40,7 +40,7 @@ MAIN = {
 }
 """Main parameter of each effect that has one. Of a drive's gain it is how far the scale is from one."""
 
-LEVELS = (1e-5, 1e-4, 1e-3, 3e-3, 0.01, 0.03, 0.1)
+LEVELS = (1e-5, 1e-4, 1e-3, 3e-3, 0.01, 0.03, 0.1, 0.3)
 """Stated p-values at which they are held against observed rates."""
 
 
@@ -188,8 +188,9 @@ def calibration(judged: Sequence[Judged], levels: Sequence[float] = LEVELS) -> d
     """Hold stated p-values against what happened.
 
     Returns:
-        By level p: ``nothing hidden``, the share of cases without a hidden effect in which a name is given at that p or
-        less, which should not exceed p; ``names``, the share of all names stated at that p or less (and above the level
+        By level p: ``candidates``, the share of cases without a hidden effect in which the best candidate of all joints
+        has that p or less, named or not, and ``nothing hidden``, in which a name is given at it: neither should exceed
+        p; ``names``, the share of all names stated at that p or less (and above the level
         below) that are neither right nor right among their alternatives.
     """
     nothing = [j for j in judged if j.truth.kind == "nothing" and j.answer is not None]
@@ -200,9 +201,11 @@ def calibration(judged: Sequence[Judged], levels: Sequence[float] = LEVELS) -> d
         if name.p_value is not None and j.truth.exact_noise
     ]
     smallest = [min((n.p_value for n in j.findings if n.p_value is not None), default=1.0) for j in nothing]
-    found: dict[str, dict[float, Score]] = {"nothing hidden": {}, "names": {}}
+    best = [j.answer.least_p_value for j in nothing if j.answer is not None and j.answer.least_p_value is not None]
+    found: dict[str, dict[float, Score]] = {"candidates": {}, "nothing hidden": {}, "names": {}}
     below = -1.0
     for level in levels:
+        found["candidates"][level] = Score.share(p <= level for p in best)
         found["nothing hidden"][level] = Score.share(p <= level for p in smallest)
         found["names"][level] = Score.share(wrong for p, wrong in stated if below < p <= level)
         below = level

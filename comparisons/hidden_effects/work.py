@@ -21,6 +21,7 @@ from comparisons.hidden_effects.suites import Task
 from comparisons.protocols.experiments import Experiments
 from ident.gap import baseline_model, find_gap
 from ident.gap.evidence import evidence
+from ident.gap.report import Finding
 from ident.log import JointLog
 from ident.model import CurrentModel
 
@@ -108,20 +109,22 @@ def _workflow(problem: Problem, truth: Truth) -> Answer:
     motions = Experiments(problem.model.robot)
     report = find_gap(problem.model, problem.train, problem.test, refit=problem.refit, motions=motions)
     answer = answer_of(report, time.perf_counter() - started)
-    open_ones = [f for f in report.findings if f.motions and any(f.joints == s.joints for s in truth.secrets)]
-    if problem.case is None or not open_ones:
+    ties = [f for f in report.findings if f.motions and any(f.joints == s.joints for s in truth.secrets)]
+    if problem.case is None or not ties:
         return answer
-    return replace(answer, settled=_settled(problem, truth, motions[open_ones[0].motions[0]], open_ones[0].joints))
+    return replace(answer, settled=_settled(problem, truth, ties[0], motions))
 
 
-def _settled(problem: Problem, truth: Truth, motion: JointLog, joints: tuple[int, ...]) -> bool:
-    """Whether the true name of those joints stands alone with a log of the motion added."""
+def _settled(problem: Problem, truth: Truth, tie: Finding, motions: Mapping[str, JointLog]) -> bool:
+    """Whether, with logs of the motions proposed added, the true name is given without what they were to rule out."""
     assert problem.case is not None
-    train = [*problem.train, Maker(problem.case).record(motion)]
+    maker = Maker(problem.case)
+    train = [*problem.train, *(maker.record(motions[name]) for name in dict.fromkeys(tie.motions.values()))]
     model = baseline_model(problem.model.robot, train) if problem.refit else problem.model
     report = find_gap(model, train, refit=problem.refit)
-    names = answer_of(report, 0.0).findings
-    return any(n.means(s) and not n.alternatives for n in names for s in truth.secrets if s.joints == joints)
+    names = [n for n in answer_of(report, 0.0).findings if n.joints == tie.joints]
+    right = [n for n in names if any(n.means(s) for s in truth.secrets)]
+    return bool(right) and not ({*tie.motions, tie.effect} - {right[0].effect}) & {*right[0].alternatives}
 
 
 def _ask(record: dict[str, Any], method: str, ask: Callable[[], Answer]) -> None:

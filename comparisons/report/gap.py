@@ -100,7 +100,7 @@ def gap_report(found: GapReport, test: Sequence[LogSource], note: Provenance) ->
     for finding in found.findings:
         report.text(sentence(found, finding))
         if finding.next_experiment:
-            files = ", ".join(f"experiments/{name}.csv" for name in finding.motions)
+            files = ", ".join(f"experiments/{name}.csv" for name in dict.fromkeys(finding.motions.values()))
             where = f" Commanded positions: {files}." if files else ""
             report.text(f"What would settle it: {finding.next_experiment}.{where}")
     if found.findings:

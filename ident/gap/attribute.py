@@ -137,12 +137,23 @@ class Search:
             columns = admissible(panel, self.problem, trial.effect, trial.shape, self.joint)
             if not self._worth(columns, trial, gained):
                 continue
-            p_value = min(1.0, looks * self.gate.p_value(self.gate.statistic(columns)))
+            p_value = self.p_value(columns, looks)
             if p_value > LEVEL or not np.all(trial.errors.held_out < self.before.held_out):
                 continue
             if self._harmless(columns) and self._shrinks(panel, trial) and self._repeats(panel, trial):
                 return Named(trial, p_value, explained, self.trials)
         return None
+
+    def p_value(self, columns: FloatArray, looks: int) -> float:
+        """Chance of so good a candidate as columns (N, k) where there is nothing, on any of ``looks`` joints."""
+        return min(1.0, looks * self.gate.p_value(self.gate.statistic(columns)))
+
+    def least_p_value(self, panel: Panel, looks: int) -> float:
+        """The same of the candidate that predicts best."""
+        if not self.trials:
+            return 1.0
+        best = self.trials[0]
+        return self.p_value(admissible(panel, self.problem, best.effect, best.shape, self.joint), looks)
 
     def _harmless(self, columns: FloatArray) -> bool:
         """Whether neither the rows at rest nor those in motion are predicted worse: rests are few, however long."""

@@ -4,10 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+import numpy as np
+
 from ident.effects.base import Survey
 from ident.gap.abstain import explainable
 from ident.gap.attribute import JointGap, Named, starts_of
 from ident.gap.constancy import inconstancy
+from ident.gap.gate import speed_classes
 from ident.gap.panel import Panel
 from ident.gap.problem import JointProblem
 from ident.gap.report import Unexplained
@@ -24,6 +27,9 @@ which no motion repeats, they must explain the greater.
 
 CONSTANT = 0.03
 """Share of what names explain that varying their coefficients may add."""
+
+FAST, FEW = 3, 0.1
+"""First class of speed that is no creeping; share of rows below it without which none is looked for in them alone."""
 
 WORTH_SAYING = 0.06
 """Share of a joint's squared residual that must be explainable for it to be called unexplained."""
@@ -55,8 +61,19 @@ def unexplained(panel: Panel, survey: Survey, gap: JointGap, named: Sequence[Nam
     slow = _wandering(panel, problem)
     if slow > WORTH_SAYING:
         return [Unexplained((gap.joint,), ("t (wanders)",), slow)]
-    line = spectral_line(problem.residual, starts_of(panel, problem), row_step(panel))
+    line = _line(panel, problem, gap.joint)
     return [] if line is None else [Unexplained((gap.joint,), (f"t ({line[0]:.2g} Hz)",), line[1])]
+
+
+def _line(panel: Panel, problem: JointProblem, joint: int) -> tuple[float, float] | None:
+    """Frequency [Hz] and share of a line in what is left, or in what is left while the joint rests or creeps."""
+    still = speed_classes(np.abs(panel.velocity[problem.keep, joint])) < FAST
+    for rows in (np.ones(len(problem), dtype=bool), still):
+        if rows.mean() > FEW:
+            line = spectral_line(problem.residual * rows, starts_of(panel, problem), row_step(panel))
+            if line is not None:
+                return line
+    return None
 
 
 def _wandering(panel: Panel, problem: JointProblem) -> float:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -30,7 +31,7 @@ class Finding:
         terms: what is added to the model.
         explained: share by which it lowered the held-out squared residual of its joints.
         control: what the negative control gained, as a share of the RMS residual; None for the whole robot.
-        motions: names of the motions, of those that the workflow was given, that separate it from its alternatives.
+        motions: by alternative, the name of the motion, of those that the workflow was given, that would settle it.
     """
 
     effect: str
@@ -43,7 +44,7 @@ class Finding:
     terms: tuple[Term, ...]
     explained: float
     control: float | None = None
-    motions: tuple[str, ...] = ()
+    motions: Mapping[str, str] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -74,6 +75,7 @@ class GapReport:
         map_before, map_after: the gap by joint and regime, on the train logs.
         panel, survey: the rows that were looked at.
         residuals: of those rows, before and after, (N, n), in force units.
+        p_values: chance (n,), over all joints, of so good a first candidate on each joint where there is nothing.
         evidence: errors on the test logs, finding by finding; None where there are no test logs.
     """
 
@@ -88,6 +90,7 @@ class GapReport:
     panel: Panel = field(repr=False)
     survey: Survey = field(repr=False)
     residuals: tuple[FloatArray, FloatArray] = field(repr=False)
+    p_values: FloatArray = field(repr=False)
     evidence: Evidence | None = None
 
     @property

@@ -68,6 +68,16 @@ def find_gap(
         return _Workflow(model, train, test, refit, progress or (lambda what, share: None), motions or {}).run()
 
 
+@dataclass(frozen=True, eq=False)
+class _Causes:
+    """Causes of the whole robot, each joint's rows without them, its own causes, and how sure the first of all is."""
+
+    wholes: list[Whole]
+    gaps: list[JointGap]
+    named: list[list[Named]]
+    p_values: FloatArray
+
+
 @dataclass(eq=False)
 class _Workflow:
     model: CurrentModel
@@ -93,19 +103,20 @@ class _Workflow:
             raise InputError("too few rows", ", ".join(s.name for s in self.train), "give longer logs")
         self.survey = survey_of(self.model, self.panel)
         keep = np.ones((len(self.panel), self.model.n), dtype=bool)
-        named, wholes, gaps = self.name(keep)
-        touches = self.touches(gaps, named)
+        causes = self.name(keep)
+        touches = self.touches(causes.gaps, causes.named)
         if touches.episodes:
             keep &= ~touches.rows[:, None]
-            named, wholes, gaps = self.name(keep)
-        return self.report(named, wholes, gaps, touches)
+            causes = self.name(keep)
+        return self.report(causes, touches)
 
-    def name(self, keep: BoolArray) -> tuple[list[list[Named]], list[Whole], list[JointGap]]:
+    def name(self, keep: BoolArray) -> _Causes:
         """Steps 3 to 5: first causes of the whole robot, then of each joint."""
         gaps = [self.gap(self.panel, j, keep[:, j]) for j in range(self.model.n)]
         wholes: list[Whole] = []
         self.tell("trying effects", 0.0)
         searches = self.searches(gaps)
+        p_values = np.array([one.least_p_value(self.panel, self.model.n) for one in searches])
         self.tell("trying effects", 0.5)
         for _ in range(2):
             present = [*(t.effect for t in self.model.terms if t.effect.joint is None), *(w.effect for w in wholes)]
@@ -119,11 +130,8 @@ class _Workflow:
             delayed(attribute)(self.panel, self.survey, gap, first) for gap, first in zip(gaps, searches, strict=True)
         )
         self.tell("trying effects", 1.0)
-        return (
-            [believed(self.panel, self.survey, gap, names) for gap, names in zip(gaps, named, strict=True)],
-            wholes,
-            gaps,
-        )
+        sure = [believed(self.panel, self.survey, gap, names) for gap, names in zip(gaps, named, strict=True)]
+        return _Causes(wholes, gaps, sure, p_values)
 
     def searches(self, gaps: Sequence[JointGap]) -> list[Search]:
         found: list[Search] = Parallel(n_jobs=2, prefer="threads")(
@@ -164,15 +172,13 @@ class _Workflow:
         none = Touches(np.zeros(len(self.panel), dtype=bool), (), 0.0, 0)
         return replace(found, joints=tuple(real)) if real else none
 
-    def report(
-        self, named: list[list[Named]], wholes: list[Whole], gaps: list[JointGap], touches: Touches
-    ) -> GapReport:
+    def report(self, causes: _Causes, touches: Touches) -> GapReport:
         self.tell("settling names", 0.0)
-        findings = [self.whole_finding(w) for w in wholes]
+        findings = [self.whole_finding(w) for w in causes.wholes]
         nameless: list[Unexplained] = []
         before, after = (np.zeros((len(self.panel), self.model.n)) for _ in range(2))
         problems = []
-        for gap, names in zip(gaps, named, strict=True):
+        for gap, names in zip(causes.gaps, causes.named, strict=True):
             plain, full = self.plain(gap).problem(self.panel), gap.problem(self.panel, [n.trial for n in names])
             problems.append(plain)
             before[plain.keep, gap.joint], after[full.keep, gap.joint] = plain.residual, full.residual
@@ -183,7 +189,7 @@ class _Workflow:
             findings.append(Finding("contact", "contact", touches.joints, figures, SURE, (), None, (), 0.0))
         findings.sort(key=lambda f: -f.explained)
         self.tell("settling names", 0.6)
-        missing = untestable(self.panel, self.survey, gaps, problems)
+        missing = untestable(self.panel, self.survey, causes.gaps, problems)
         models = [self.fitted(self.model, findings[:k]) for k in range(1, len(findings) + 1)]
         if self.lag is not None:
             models.insert(0, self.model)
@@ -195,7 +201,7 @@ class _Workflow:
         self.tell("settling names", 1.0)
         return GapReport(
             self.start, model, tuple(findings), tuple(nameless), tuple(missing), touches, maps[0], maps[1],
-            self.panel, self.survey, (before, after), shown,
+            self.panel, self.survey, (before, after), causes.p_values, shown,
         )  # fmt: skip
 
     def plain(self, gap: JointGap) -> JointGap:
@@ -228,7 +234,7 @@ class _Workflow:
             effect.name, effect.family, (gap.joint,), figures, one.p_value, tuple(rivals),
             next_experiment(effect.name, experiments), (term,), one.explained / max(total, 1e-300),
             negative_control(self.panel, gap, named, one),
-            tuple(dict.fromkeys(e.motion for e in experiments.values() if e is not None and e.settles)),
+            {name: e.motion for name, e in experiments.items() if e is not None and e.settles},
         )  # fmt: skip
 
     def experiment(self, gap: JointGap, one: Trial, other: Trial | None, besides: Sequence[Trial]) -> Experiment | None:

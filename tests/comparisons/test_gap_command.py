@@ -145,7 +145,9 @@ def test_bad_input_is_one_line_and_leaves_the_directory(words, what, done, robot
 def test_the_motion_that_would_settle_a_name_is_written_beside_the_report(tmp_path):
     vs060 = load_robot("vs060")
     motions = Experiments(vs060, seconds=20.0)
-    asked = SimpleNamespace(findings=[SimpleNamespace(motions=("static_poses",)), SimpleNamespace(motions=())])
+    asked = SimpleNamespace(
+        findings=[SimpleNamespace(motions={"stribeck": "static_poses"}), SimpleNamespace(motions={})]
+    )
     write_experiments(asked, motions, tmp_path / "experiments")
     (written,) = (tmp_path / "experiments").iterdir()
     table = np.genfromtxt(written, delimiter=",", names=True)

@@ -28,10 +28,10 @@ from ident.signals import Motion
 STRIBECK = Secret("stribeck", (1,), 1.0, {"force": 2.0, "speed": 0.04})
 
 
-def judge(kind, secrets, findings=(), unexplained=(), after=(1.0, 1.0, 1.0), noise=(1.0, 1.0, 1.0)):
+def judge(kind, secrets, findings=(), unexplained=(), after=(1.0, 1.0, 1.0), noise=(1.0, 1.0, 1.0), **said):
     return Judged(
         Truth("case", "vs060", kind, tuple(secrets), noise, noise),
-        Answer(tuple(findings), tuple(unexplained), (), after),
+        Answer(tuple(findings), tuple(unexplained), (), after, **said),
     )
 
 
@@ -107,21 +107,32 @@ def test_curves_calibration_and_confusion():
         judge("single", [STRIBECK], [right(1e-4)]),
         judge("single", [weak], [Name("sigmoid", (1,), (), {}, 5e-3)]),
         judge("single", [weak], [], [(1,)]),
-        judge("nothing", [], [right(5e-3)]),
-        judge("nothing", []),
+        judge("nothing", [], [right(5e-3)], least_p_value=5e-3),
+        judge("nothing", [], least_p_value=0.2),
     ]
     by_severity = curves(cases)["first name right"]
     assert {x: (s.value, s.of) for x, s in by_severity.items()} == {0.5: (0.0, 2), 1.0: (1.0, 1)}
     held = calibration(cases)
     assert {p: s.value for p, s in held["nothing hidden"].items()} == {
-        1e-5: 0, 1e-4: 0, 1e-3: 0, 3e-3: 0, 0.01: 0.5, 0.03: 0.5, 0.1: 0.5,
+        1e-5: 0, 1e-4: 0, 1e-3: 0, 3e-3: 0, 0.01: 0.5, 0.03: 0.5, 0.1: 0.5, 0.3: 0.5,
     }  # fmt: skip
+    assert [held["candidates"][p].value for p in (3e-3, 0.01, 0.1, 0.3)] == [0.0, 0.5, 0.5, 1.0]
     assert (held["names"][1e-4].value, held["names"][1e-4].of) == (0.0, 1)
     assert (held["names"][0.01].value, held["names"][0.01].of) == (1.0, 2)
     assert confusion(cases) == {
         "stribeck": {"stribeck": 1, "sigmoid": 1, "unexplained": 1},
         "nothing": {"stribeck": 1, "silent": 1},
     }
+
+
+def test_clarity_is_severity_over_what_the_baseline_leaves():
+    def truth(*secrets):
+        return Truth("case", "vs060", "single", secrets, (1.0, 1.0), (2.0, 1.0))
+
+    first, second = Secret("stribeck", (0,), 1.0, {}), Secret("stribeck", (1,), 2.0, {})
+    assert (truth(first).clarity, truth(second).clarity, truth(first, second).clarity) == (0.5, 2.0, 0.5)
+    assert truth(Secret("delay", (), 2.0, {})).clarity == pytest.approx(2.0 * math.sqrt(0.625))
+    assert truth().clarity is None
 
 
 @pytest.fixture(scope="module")
