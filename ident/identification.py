@@ -28,7 +28,7 @@ from ident.model_file import save_model
 from ident.parameters import Parameter, list_parameters
 from ident.payload import Payload
 from ident.robot import Robot
-from ident.signals import CutoffChoice, choose_cutoff
+from ident.signals import CutoffChoice, choose_cutoff, derivative_noise
 from ident.structure import Structure, choose_structure, coupled
 from ident.urdf_export import write_urdf
 from ident.walk import Block, collect
@@ -258,8 +258,8 @@ def _smoothing(held: Sequence[Block], cutoff: float) -> FloatArray:
     What the filter took from the position is taken for white noise; its derivative below the cut-off follows.
     """
     removed = np.concatenate([(block.log.q - block.motion.q)[block.keep] for block in held])
-    passed = np.sqrt(8.0 * np.pi**2 * cutoff**3 / (3.0 * held[0].log.rate))
-    return np.asarray(np.clip(3.0 * passed * removed.std(axis=0), 0.1 * SMOOTHING, SMOOTHING))
+    noise = derivative_noise(removed.std(axis=0), cutoff, held[0].log.rate)
+    return np.asarray(np.clip(3.0 * noise, 0.1 * SMOOTHING, SMOOTHING))
 
 
 def _feasible(robot: Robot, found: Fit, gains: Gains) -> tuple[Feasible | None, list[str]]:

@@ -22,6 +22,7 @@ __all__ = [
     "Motion",
     "choose_cutoff",
     "decimate",
+    "derivative_noise",
     "derive",
     "differentiate",
     "zero_phase",
@@ -129,6 +130,19 @@ def differentiate(t: FloatArray, x: FloatArray) -> FloatArray:
     spline = scipy.interpolate.CubicSpline(t, x, axis=0)
     slope: FloatArray = np.concatenate([spline.c[2], spline(t[-1:], 1)])
     return slope
+
+
+def derivative_noise(noise: FloatArray, cutoff: float, rate: float) -> FloatArray:
+    """Return the standard deviation (n,) of the derivative, below the cut-off, of white noise of deviation (n,).
+
+    The derivative's spectral density is (2 pi f)^2 times the noise's, 2 noise^2 / rate, up to the cut-off.
+
+    Args:
+        noise: standard deviation (n,) of the signal's noise.
+        cutoff: of the low pass [Hz].
+        rate: samples a second [Hz].
+    """
+    return np.asarray(noise * np.sqrt(8.0 * np.pi**2 * cutoff**3 / (3.0 * rate)))
 
 
 def decimate(x: FloatArray, t: FloatArray, factor: int) -> tuple[FloatArray, FloatArray]:

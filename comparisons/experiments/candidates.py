@@ -54,7 +54,7 @@ GRID: tuple[Candidate, ...] = (
     Candidate("the paper's first group", H1),
     Candidate("the paper's second group", H2),
     Candidate("the paper's third group", H3),
-    Candidate("all of Table I, one network", (*H1, *H2, *H3)),
+    Candidate("all of Table I, one network", tuple(sorted({*H1, *H2, *H3}))),
     Candidate("Table I, three hierarchies", (*H1, *H2, *H3), hierarchies=3),
     Candidate("finer, 1 to 5 mrad/s", (0.001, 0.002, 0.003, 0.004, 0.005)),
     Candidate("coarser, 20 to 100 mrad/s", (0.02, 0.04, 0.06, 0.08, 0.10)),

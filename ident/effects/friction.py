@@ -185,7 +185,7 @@ class ViscousNonlinear(VelocityEffect):
     @property
     def shapes(self) -> tuple[Shape, ...]:
         """Return the exponent."""
-        return (Shape("exponent", "1", 0.1, 3.0, (0.5, 0.2, 2.0)),)
+        return (Shape("exponent", "1", 0.1, 4.0, (0.5, 0.2, 2.0, 3.0), ends=(True, False)),)
 
     def coefficients(self, robot: Robot) -> tuple[Coefficient, ...]:
         """Return the friction at 1 rad/s (1 m/s)."""
@@ -229,7 +229,8 @@ class LoadFriction(VelocityEffect):
 class PositionFriction(VelocityEffect):
     """Dry friction that swings with the joint's angle: eccentric bearings, worn teeth, a seal that is out of round.
 
-    Friction that repeats with the turn of a gear stage has been measured on industrial robots (Simoni et al. 2019).
+    A swing and its second harmonic stand for what is no sine, such as a spot that rubs. Friction that repeats with the
+    turn of a gear stage has been measured on industrial robots (Simoni et al. 2019).
     """
 
     name = "position-friction"
@@ -243,19 +244,22 @@ class PositionFriction(VelocityEffect):
         return (Shape("per_turn", "1", 0.3, 12.0, (1.0, 0.5, 2.0, 3.0, 4.0, 6.0, 8.0, 10.0), log=False),)
 
     def coefficients(self, robot: Robot) -> tuple[Coefficient, ...]:
-        """Return the swing in and out of phase with the joint's zero."""
-        return (Coefficient("force_cos", "{current}"), Coefficient("force_sin", "{current}"))
+        """Return the swing in and out of phase with the joint's zero, and that of its second harmonic."""
+        names = ("force_cos", "force_sin", "force_cos2", "force_sin2")
+        return tuple(Coefficient(name, "{current}") for name in names)
 
     def columns(self, context: Context, shape: FloatArray, memory: FloatArray) -> FloatArray:
-        """Return sign(dq) times cosine and sine of per_turn times the angle."""
+        """Return sign(dq) times cosine and sine of once and twice per_turn times the angle."""
         phase = shape[0] * context.motion.q[:, self.at]
-        swing: FloatArray = self.direction(context)[:, None] * np.stack([np.cos(phase), np.sin(phase)], axis=1)
+        waves = np.stack([np.cos(phase), np.sin(phase), np.cos(2.0 * phase), np.sin(2.0 * phase)], axis=1)
+        swing: FloatArray = self.direction(context)[:, None] * waves
         return swing
 
     def summary(self, robot: Robot, shape: FloatArray, coefficients: FloatArray) -> dict[str, float | list[float]]:
-        """Return the size of the swing, its phase and its repeats."""
-        force, phase = float(np.hypot(*coefficients)), float(np.arctan2(coefficients[1], coefficients[0]))
-        return {"force": force, "per_turn": float(shape[0]), "phase": phase}
+        """Return the size of the swing, of its second harmonic, its phase and its repeats."""
+        force, phase = float(np.hypot(*coefficients[:2])), float(np.arctan2(coefficients[1], coefficients[0]))
+        second = float(np.hypot(*coefficients[2:]))
+        return {"force": force, "second_harmonic": second, "per_turn": float(shape[0]), "phase": phase}
 
 
 def _logistic(x: FloatArray) -> FloatArray:

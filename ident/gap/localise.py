@@ -72,7 +72,7 @@ def regimes_of(panel: Panel, survey: Survey, joint: int) -> dict[str, BoolArray]
 
 
 def gap_map(panel: Panel, survey: Survey, residuals: FloatArray, seed: int = 0) -> GapMap:
-    """Map the residuals (N, n) by joint and regime."""
+    """Map the residuals (N, n; NaN in rows that are left out) by joint and regime."""
     n = residuals.shape[1]
     rms, low, high, share = (np.full((n, len(REGIMES)), np.nan) for _ in range(4))
     rng = np.random.default_rng(seed)
@@ -80,7 +80,9 @@ def gap_map(panel: Panel, survey: Survey, residuals: FloatArray, seed: int = 0) 
     draws = np.stack([np.bincount(rng.integers(0, BLOCKS, BLOCKS), minlength=BLOCKS) for _ in range(RESAMPLES)])
     for j in range(n):
         square = residuals[:, j] ** 2
-        for k, rows in enumerate(regimes_of(panel, survey, j).values()):
+        known = np.isfinite(square)
+        for k, regime in enumerate(regimes_of(panel, survey, j).values()):
+            rows = regime & known
             if rows.sum() < 30:
                 continue
             sums = np.bincount(block[rows], square[rows], BLOCKS)
@@ -88,5 +90,5 @@ def gap_map(panel: Panel, survey: Survey, residuals: FloatArray, seed: int = 0) 
             rms[j, k] = np.sqrt(sums.sum() / counts.sum())
             drawn = np.sqrt((draws @ sums) / np.maximum(draws @ counts, 1))
             low[j, k], high[j, k] = np.quantile(drawn, [0.025, 0.975])
-            share[j, k] = sums.sum() / max(square.sum(), 1e-300)
+            share[j, k] = sums.sum() / max(square[known].sum(), 1e-300)
     return GapMap(REGIMES, rms, low, high, share)

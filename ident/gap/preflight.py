@@ -65,6 +65,8 @@ def _reason(
     if np.quantile(speed, 0.99) < REST:
         return "the joint never moves"
     if name in ("coulomb-asymmetry", "maxwell-slip") and np.mean(speed < REST) < RESTS:
+        if np.mean(np.abs(panel.velocity[:, joint]) < REST) >= RESTS:
+            return "its velocity is too noisy to tell rest from motion: log positions with less noise"
         return "the joint never stands still: add stops of a few seconds"
     if name in ("gear-ripple", "cogging"):
         fewest = float(effects[0].shapes[0].lower)

@@ -74,7 +74,7 @@ class GapReport:
         touches: contact that was left out.
         map_before, map_after: the gap by joint and regime, on the train logs.
         panel, survey: the rows that were looked at.
-        residuals: of those rows, before and after, (N, n), in force units.
+        residuals: of those rows, before and after, (N, n), in force units; NaN in rows that were left out.
         p_values: chance (n,), over all joints, of so good a first candidate on each joint where there is nothing.
         evidence: errors on the test logs, finding by finding; None where there are no test logs.
     """
@@ -96,7 +96,7 @@ class GapReport:
     @property
     def noise_floor(self) -> FloatArray:
         """RMS (n,) of what is left on the rows looked at and nothing predicts, in the current's unit."""
-        squares = np.mean(self.residuals[1] ** 2, axis=0)
+        squares = np.nanmean(self.residuals[1] ** 2, axis=0)
         for one in self.unexplained:
             squares[list(one.joints)] *= 1.0 - one.share
         return np.asarray(np.sqrt(squares) / self.model.gain)

@@ -28,6 +28,7 @@ from ident.gap.report import Finding, GapReport, Unexplained
 from ident.gap.rows import panel_of, survey_of
 from ident.gap.settle import alternatives, next_experiment
 from ident.gap.touch import Touches, find_touches
+from ident.gap.unsure import unsure_rows
 from ident.gap.velocity_lag import velocity_lag
 from ident.gap.whole import Whole, columns_of, whole_effect
 from ident.log import JointLog, LogSource
@@ -102,13 +103,20 @@ class _Workflow:
         if len(self.panel) < 200:
             raise InputError("too few rows", ", ".join(s.name for s in self.train), "give longer logs")
         self.survey = survey_of(self.model, self.panel)
-        keep = np.ones((len(self.panel), self.model.n), dtype=bool)
+        keep = ~self.unsure()
         causes = self.name(keep)
         touches = self.touches(causes.gaps, causes.named)
         if touches.episodes:
             keep &= ~touches.rows[:, None]
             causes = self.name(keep)
         return self.report(causes, touches)
+
+    def unsure(self) -> BoolArray:
+        """Rows (N, n) whose sign of velocity is noise."""
+        everything = np.ones(len(self.panel), dtype=bool)
+        gaps = [self.gap(self.panel, j, everything) for j in range(self.model.n)]
+        residuals = np.stack([gap.problem(self.panel).residual for gap in gaps], axis=1)
+        return unsure_rows(self.model, self.panel, self.survey, residuals)
 
     def name(self, keep: BoolArray) -> _Causes:
         """Steps 3 to 5: first causes of the whole robot, then of each joint."""
@@ -176,7 +184,7 @@ class _Workflow:
         self.tell("settling names", 0.0)
         findings = [self.whole_finding(w) for w in causes.wholes]
         nameless: list[Unexplained] = []
-        before, after = (np.zeros((len(self.panel), self.model.n)) for _ in range(2))
+        before, after = (np.full((len(self.panel), self.model.n), np.nan) for _ in range(2))
         problems = []
         for gap, names in zip(causes.gaps, causes.named, strict=True):
             plain, full = self.plain(gap).problem(self.panel), gap.problem(self.panel, [n.trial for n in names])
