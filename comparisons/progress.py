@@ -35,4 +35,4 @@ def show_progress() -> Iterator[Progress]:
 
 
 def show_nothing(stage: str, share: float) -> None:
-    """Show nothing."""
+    """Show nothing of a ``stage`` or the ``share`` of it that is done."""

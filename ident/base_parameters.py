@@ -17,6 +17,7 @@ PARAMETER_NAMES = ("m", "mx", "my", "mz", "Ixx", "Ixy", "Iyy", "Ixz", "Iyz", "Iz
 SEED = 0
 SAMPLES_PER_COLUMN = 3
 ROUNDING = 1e-5  # what a URDF's 1.5708 for pi/2 opens between columns that are dependent (7e-6 seen) is no information
+ROTOR = 1e-3  # share of a rotor's column that must be its own for it to be told from the links'
 ZERO = 1e-9  # coefficient, of unit columns, that is numerical noise
 
 
@@ -66,8 +67,31 @@ def find_base_parameters(rigid_body: RigidBody, joint: int | None = None) -> Bas
     )
 
 
+def rotor_shows(rigid_body: RigidBody, joint: int) -> bool:
+    """Whether a joint's row tells its rotor's inertia from its links'.
+
+    It does not where no other joint turns the link about the joint's own axis: both are then one factor of ddq.
+
+    Args:
+        rigid_body: the mechanism's dynamics.
+        joint: from 0.
+    """
+    regressor, ddq = _random_motion(rigid_body)
+    row, own = regressor[:, joint], ddq[:, joint]
+    scale = np.linalg.norm(row, axis=0)
+    unit = row[:, scale > 0.0] / scale[scale > 0.0]
+    left = own - unit @ np.linalg.lstsq(unit, own, rcond=ROUNDING)[0]
+    return bool(np.linalg.norm(left) > ROTOR * np.linalg.norm(own))
+
+
 def _random_regressor(rigid_body: RigidBody, joint: int | None) -> FloatArray:
     """Regressor of random motions inside the limits, (rows, 10 n)."""
+    rows, _ = _random_motion(rigid_body)
+    return rows.reshape(-1, 10 * rigid_body.n) if joint is None else rows[:, joint]
+
+
+def _random_motion(rigid_body: RigidBody) -> tuple[FloatArray, FloatArray]:
+    """Regressor (samples, n, 10 n) and accelerations (samples, n) of random motions inside the limits."""
     body = rigid_body.multibody
     n = rigid_body.n
     rng = np.random.default_rng(SEED)
@@ -78,8 +102,7 @@ def _random_regressor(rigid_body: RigidBody, joint: int | None) -> FloatArray:
     q = rng.uniform(lower, upper, shape)
     dq = rng.uniform(-speed, speed, shape)
     ddq = rng.uniform(-5.0 * speed, 5.0 * speed, shape)
-    rows = rigid_body.regressor(q, dq, ddq)
-    return rows.reshape(-1, 10 * n) if joint is None else rows[:, joint]
+    return rigid_body.regressor(q, dq, ddq), ddq
 
 
 def _from_the_base(body: Multibody) -> IntArray:

@@ -11,6 +11,7 @@ import numpy as np
 from threadpoolctl import threadpool_limits
 
 from ident.arrays import FloatArray
+from ident.base_parameters import rotor_shows
 from ident.cautions import gain_warnings, sign_warnings, still_joints, still_warnings
 from ident.drive_gain import GainEstimate, gains_from_payload, shared_gains
 from ident.effects import load_catalogue
@@ -224,9 +225,9 @@ def _baseline(robot: Robot, gains: Gains, smoothing: FloatArray, still: Sequence
     for j in range(robot.n):
         effects.append(CurrentOffset(j))
         if j not in still:
-            # Where no joint moves the axis, a row with link parameters of its own has the rotor in them.
-            carried = robot.multibody.tree.parent[j] >= 0
-            effects += [RotorInertia(j)] if carried or gains != "per-joint" else []
+            # A row with link parameters of its own may have the rotor in them.
+            apart = gains != "per-joint" or rotor_shows(robot.rigid_body, j)
+            effects += [RotorInertia(j)] if apart else []
             effects += [Coulomb(j, smoothing[j]), Viscous(j, smoothing[j])]
     return effects
 

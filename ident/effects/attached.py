@@ -57,19 +57,24 @@ class Payload(Effect):
 class BaseTilt(Effect):
     """A base that does not stand as the model says: gravity comes from another side (roll about x, then pitch about y).
 
-    Linear for the few degrees that a base is ever off; it loads an upright first joint, which no payload does.
+    Linear for the few degrees that a base is ever off; it loads an upright first joint, which no payload does. The
+    links are the URDF's: those fitted are sums of parameters that act alike under upright gravity only.
+
+    Attributes:
+        per_newton_metre: force units per N m of each joint, (n,); ones in a model whose drive gains are known.
     """
+
+    per_newton_metre: tuple[float, ...] = ()
 
     name = "base-tilt"
     family = "rigid-body"
-    needs = ("links",)
     rivals = ("payload", "current-offset")
     excitation = "static poses all around the first axis"
 
     @classmethod
     def candidates(cls, survey: Survey, joint: int | None) -> list[Effect]:
         """Try it on the whole robot."""
-        return [cls(None)] if joint is None else []
+        return [cls(None, tuple(survey.per_newton_metre.tolist()))] if joint is None else []
 
     def coefficients(self, robot: Robot) -> tuple[Coefficient, ...]:
         """Return the two angles."""
@@ -77,12 +82,12 @@ class BaseTilt(Effect):
 
     def columns(self, context: Context, shape: FloatArray, memory: FloatArray) -> FloatArray:
         """Return the weight of the links under gravity's change with roll and with pitch."""
-        links = context.needed("links", self.name)
-        body, rest = context.robot.rigid_body, np.zeros_like(context.motion.q)
-        gravity = np.asarray(context.robot.multibody.gravity, dtype=float)
-        turned = [np.cross(gravity, axis) for axis in np.eye(3)[:2]]
-        weights = [body.inverse_dynamics(context.motion.q, rest, rest, links, g) for g in turned]
-        return np.stack(weights, axis=2)
+        arm, rest = context.robot.multibody, np.zeros_like(context.motion.q)
+        turned = [np.cross(np.asarray(arm.gravity, dtype=float), axis) for axis in np.eye(3)[:2]]
+        body = context.robot.rigid_body
+        weights = [body.inverse_dynamics(context.motion.q, rest, rest, arm.parameters, g) for g in turned]
+        columns = np.stack(weights, axis=2)
+        return columns * np.array(self.per_newton_metre)[:, None] if self.per_newton_metre else columns
 
 
 NEUTRAL = (0.0, 0.5, -0.5, 1.0, -1.0, 1.5, -1.5, 2.0, -2.0, 2.5, -2.5, 3.0, -3.0)

@@ -9,7 +9,9 @@ import numpy as np
 
 from ident.arrays import FloatArray
 from ident.effects.base import Effect, Survey
+from ident.gap.abstain import explainable
 from ident.gap.attribute import GAIN, LEVEL, JointGap, Search
+from ident.gap.belief import CERTAIN
 from ident.gap.candidates import forms, grid
 from ident.gap.panel import Panel
 from ident.gap.problem import JointProblem
@@ -20,6 +22,9 @@ SHARE = 0.85
 
 MAJORITY = 2.0 / 3.0
 """Share of the joints that lack something on which it must explain that much, if not on all together."""
+
+BEATS = 1.25
+"""What shows on one joint alone must explain this many times what the best effects of single joints do."""
 
 VISIBLE = 1e-6
 """Share of an effect's square that the baseline must leave."""
@@ -62,9 +67,13 @@ def whole_effect(
     for best in ranking:
         after = best.held_out.sum(axis=1)
         gains = 1.0 - np.sqrt(after / before.sum(axis=1))
-        helped = int(np.sum((gains > GAIN) & (best.held_out < before).all(axis=1)))
-        if helped < min(2, panel.robot.n) or gains.min() < -GAIN:
+        helped = np.flatnonzero((gains > GAIN) & (best.held_out < before).all(axis=1))
+        if len(helped) == 0 or gains.min() < -GAIN:
             continue
+        if len(helped) == 1 < panel.robot.n:
+            beaten = best.likelihood > BEATS * single.sum()
+            if not beaten or not _exhausts(panel, survey, problems[helped[0]], best, int(helped[0])):
+                continue
         rivalled = affected & (_likelihoods(problems, before.sum(axis=1), after) >= SHARE * single)
         # A joint may have a cause of its own besides.
         most = rivalled.sum() >= max(2, MAJORITY * affected.sum())
@@ -76,6 +85,14 @@ def whole_effect(
             others = tuple(name for name in dict.fromkeys(close) if name != best.effect.name)
             return replace(best, p_value=p_value, alternatives=others)
     return None
+
+
+def _exhausts(panel: Panel, survey: Survey, problem: JointProblem, whole: Whole, joint: int) -> bool:
+    """Whether the effect leaves next to nothing on a joint that could still be explained."""
+    added = columns_of(panel, whole, joint)[problem.keep]
+    before, after = problem.residual, problem.away((problem.target - added)[:, None])[:, 0]
+    rest = explainable(panel, survey, joint, after, problem.keep).share * float(after @ after)
+    return float(before @ before - after @ after) >= CERTAIN * rest
 
 
 def columns_of(panel: Panel, whole: Whole, joint: int) -> FloatArray:
