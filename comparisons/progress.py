@@ -35,4 +35,9 @@ def show_progress() -> Iterator[Progress]:
 
 
 def show_nothing(stage: str, share: float) -> None:
-    """Show nothing of a ``stage`` or the ``share`` of it that is done."""
+    """Show nothing.
+
+    Args:
+        stage: what is being done.
+        share: of it that is done.
+    """

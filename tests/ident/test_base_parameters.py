@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from ident.base_parameters import rotor_shows
 from ident.multibody import Multibody
 from ident.rigid_body import RigidBody
 
@@ -83,3 +84,8 @@ def test_combinations_are_written_out_as_in_the_closed_form(urdf_path):
     assert written["mz5"] == "mz5 + 0.07 m6 + mz6"  # joint 6 sits 0.07 m up the axis of link 5
     assert written["Ixx6"] == "Ixx6 - Iyy6"  # of a body about its own axis, only the difference shows
     assert written["mz2"] == "mz2 + 0.305 m3 + 0.305 m4 + 0.305 m5 + 0.305 m6"
+
+
+def test_a_rotor_shows_where_other_joints_turn_the_link_about_its_axis(rigid_body):
+    # The second axis of all these arms is square to the first; xArm7 says so to six figures.
+    assert [rotor_shows(rigid_body, j) for j in range(rigid_body.n)] == [False, False, *[True] * (rigid_body.n - 2)]
