@@ -167,6 +167,10 @@ class Effect(ABC):
             raise InputError("it needs a joint", f"effect {self.name}", "give joint=0 for the first joint")
         return self.joint
 
+    def rivals_with(self, other: Effect) -> bool:
+        """Return whether either is easily taken for the other."""
+        return other.name in self.rivals or self.name in other.rivals
+
     @property
     def shapes(self) -> tuple[Shape, ...]:
         """Shape parameters, none by default."""

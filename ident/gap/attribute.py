@@ -231,7 +231,7 @@ def attribute(panel: Panel, survey: Survey, gap: JointGap, first: Search | None 
 
 def _law_error(effect: Effect, named: Sequence[Named]) -> float:
     """What an effect must explain so that it is not the error of the laws by which others were named."""
-    rivals = [n for n in named if effect.name in n.effect.rivals or n.effect.name in effect.rivals]
+    rivals = [n for n in named if effect.rivals_with(n.effect)]
     shares = [LAW * n.explained for n in named] + [RIVAL_LAW * n.explained for n in rivals]
     return max(shares, default=0.0)
 

@@ -71,7 +71,7 @@ def alternatives(panel: Panel, gap: JointGap, named: Sequence[Named], one: Named
         if gain <= 0.5 * explained:
             continue
         close = gain >= LAW * explained or not _beats(own, left)
-        if close and before - nested_errors(panel, gap, others, rival.effect).sum() > 0.5 * explained:
+        if close and (one.effect.rivals_with(rival.effect) or _repeats(panel, gap, others, rival, before, explained)):
             found.setdefault(rival.effect.name, rival)
     return found
 
@@ -100,6 +100,13 @@ def next_experiment(name: str, others: Mapping[str, Experiment | None]) -> str |
         else:
             said.append(f"{catalogue[name].excitation}; {catalogue[other].excitation} ({name} or {other})")
     return "; ".join(dict.fromkeys(said)) or None
+
+
+def _repeats(
+    panel: Panel, gap: JointGap, others: Sequence[Trial], rival: Trial, before: float, explained: float
+) -> bool:
+    """Whether a rival predicts half as much with its shape, too, found on other rows: a shape may fit by chance."""
+    return before - float(nested_errors(panel, gap, others, rival.effect).sum()) > 0.5 * explained
 
 
 def _held_out(panel: Panel, problem: JointProblem, trial: Trial, joint: int) -> FloatArray:
