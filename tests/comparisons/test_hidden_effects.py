@@ -16,8 +16,8 @@ from comparisons.hidden_effects.measured import measured_tasks
 from comparisons.hidden_effects.rates import Rate, Score
 from comparisons.hidden_effects.rivals import _merged, best_mae, frols, sparse_regression, stepwise_bic
 from comparisons.hidden_effects.scoring import Judged, calibration, confusion, curves, parameter_error, table
-from comparisons.hidden_effects.suites import SUITES, Sizes, tasks
-from comparisons.hidden_effects.work import WORKFLOW
+from comparisons.hidden_effects.suites import SUITES, Sizes, Task, tasks
+from comparisons.hidden_effects.work import WORKFLOW, judged, work
 from ident.effects import load_catalogue
 from ident.effects.base import Context, Survey
 from ident.errors import InputError
@@ -266,6 +266,16 @@ def test_a_killed_run_goes_on(tmp_path, monkeypatch):
     ]  # what broke down is asked again, what did not is not
     assert len(records) == 2
     assert truth_from(json.loads((tmp_path / f"{listed[0].name}.json").read_text())["truth"]).kind == "nothing"
+
+
+def test_a_tilted_base_shows_on_the_upright_joint_alone():
+    """Links fitted to that joint's row cannot say what a tilt does to it: its angles come from the URDF's."""
+    tilted = Case("ur10", (Hidden("base-tilt", None, 1.5),), 11, style="short")
+    said = judged(work(Task("single", tilted), (WORKFLOW,)), WORKFLOW)
+    assert [name.effect for name in said.findings] == ["base-tilt"]
+    (secret,) = said.truth.secrets
+    for angle in ("roll", "pitch"):
+        assert said.first.parameters[angle] == pytest.approx(secret.parameters[angle], rel=0.15)
 
 
 def test_page_and_plots_of_records(tmp_path):

@@ -118,6 +118,32 @@ def test_what_the_catalogue_does_not_have_is_not_named(arm):
     assert "Hz" in one.depends_on[0]
 
 
+def test_a_controller_that_hunts_while_the_joint_creeps_is_seen_and_not_named(arm):
+    def hunts(t, q, dq):
+        return 0.12 * np.exp(-((dq[:, 1] / 0.05) ** 2)) * np.sin(2 * np.pi * 3.3 * t)
+
+    found = structure(arm, hidden=hunts)
+    assert found.findings == ()
+    (one,) = found.unexplained
+    assert one.joints == (1,)
+    assert one.depends_on == ("t (3.3 Hz)",)
+
+
+def test_rows_whose_sign_of_velocity_is_noise_are_left_out_and_names_stay(arm):
+    def noisy(seed):
+        log = record(arm, seed, hidden=lambda t, q, dq: 0.8 * dq[:, 1] * np.abs(dq[:, 1]))
+        return log.replace(q=log.q + 2e-4 * np.random.default_rng(seed).standard_normal(log.q.shape))
+
+    train = [noisy(seed) for seed in (1, 2, 3)]
+    model = baseline_model(arm, train)
+    found = find_gap(model, train)
+    left_out = np.isnan(found.residuals[0]).mean(axis=0)
+    assert np.all((left_out > 0.02) & (left_out < 0.5))
+    assert [(one.effect, one.joints) for one in found.findings] == [("viscous-nonlinear", (1,))]
+    clean = logs(arm, 1)
+    assert not np.isnan(find_gap(baseline_model(arm, clean), clean).residuals[0]).any()
+
+
 def test_lagging_velocities_are_named_and_left_out(arm):
     train = []
     for seed in (1, 2):
