@@ -70,14 +70,16 @@ def whole_effect(
         helped = np.flatnonzero((gains > GAIN) & (best.held_out < before).all(axis=1))
         if len(helped) == 0 or gains.min() < -GAIN:
             continue
+        likelihoods = _likelihoods(problems, before.sum(axis=1), after)
         if len(helped) == 1 < panel.robot.n:
-            beaten = best.likelihood > BEATS * single.sum()
-            if not beaten or not _exhausts(panel, survey, problems[helped[0]], best, int(helped[0])):
-                continue
-        rivalled = affected & (_likelihoods(problems, before.sum(axis=1), after) >= SHARE * single)
-        # A joint may have a cause of its own besides.
-        most = rivalled.sum() >= max(2, MAJORITY * affected.sum())
-        if best.likelihood < SHARE * single.sum() and not most:
+            j = int(helped[0])
+            shown = likelihoods[j] > BEATS * single[j] and _exhausts(panel, survey, problems[j], best, j)
+        else:
+            rivalled = affected & (likelihoods >= SHARE * single)
+            # A joint may have a cause of its own besides.
+            most = rivalled.sum() >= max(2, MAJORITY * affected.sum())
+            shown = most or likelihoods.sum() >= SHARE * single.sum()
+        if not shown:
             continue
         p_value = _p_value(panel, best, searches)
         if p_value <= LEVEL:
