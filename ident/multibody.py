@@ -201,12 +201,21 @@ def _build(urdf: Urdf) -> Any:
     """Let Pinocchio read the URDF; its reason for a refusal is only on standard error."""
     with _standard_error() as said:
         try:
-            return pin.buildModelFromXML(urdf.text)
+            return _renamed(pin.buildModelFromXML(urdf.text))
         except Exception as error:
             reason = str(error)
     lines = [line.removeprefix("Error:").strip() for line in (said[0] if said else "").splitlines()]
     why = "; ".join(line for line in lines if line and not line.startswith("at line")) or reason
     raise InputError(f"not a URDF that Pinocchio can read ({why})", str(urdf.path), "mend the file")
+
+
+def _renamed(model: Any) -> Any:
+    """Give frames of joints that have a link's name one of their own: URDF allows it, Pinocchio's search does not."""
+    links = {frame.name for frame in model.frames if frame.type == pin.FrameType.BODY}
+    for frame in model.frames:
+        if frame.type != pin.FrameType.BODY and frame.name in links:
+            frame.name = f"{frame.name} (joint)"
+    return model
 
 
 @contextmanager
