@@ -113,21 +113,32 @@ def screen(panel: Panel, gate: Gate, effect: Effect, joint: int) -> Trial:
 
 def refine(panel: Panel, problem: JointProblem, trial: Trial, joint: int) -> Trial:
     """Search the shape parameters around the best start, one after the other."""
-    shapes = trial.effect.shapes
-    shape, drop = trial.shape.copy(), trial.drop
 
-    def value(number: int, x: float) -> float:
+    def drop(shape: FloatArray) -> float:
+        return problem.drop(admissible(panel, problem, trial.effect, shape, joint))
+
+    shape, best = climb(drop, trial.effect.shapes, trial.shape, trial.drop)
+    return replace(trial, shape=shape, drop=best)
+
+
+def climb(
+    value: Callable[[FloatArray], float], shapes: Sequence[Shape], start: FloatArray, at_start: float
+) -> tuple[FloatArray, float]:
+    """Search shapes (k,) for the largest value around a start, one parameter after the other; return both."""
+    shape, best = start.copy(), at_start
+
+    def along(number: int, x: float) -> float:
         moved = shape.copy()
         moved[number] = np.exp(x) if shapes[number].log else x
-        return problem.drop(admissible(panel, problem, trial.effect, moved, joint))
+        return value(moved)
 
     for _ in range(1 if len(shapes) < 2 else 3):
         for number, parameter in enumerate(shapes):
             low, high = _bracket(parameter, shape[number])
-            x, best = _golden(lambda x, number=number: value(number, x), low, high)  # type: ignore[misc]
-            if best > drop:
-                shape[number], drop = (np.exp(x) if parameter.log else x), best
-    return replace(trial, shape=shape, drop=drop)
+            x, found = _golden(lambda x, number=number: along(number, x), low, high)  # type: ignore[misc]
+            if found > best:
+                shape[number], best = (np.exp(x) if parameter.log else x), found
+    return shape, best
 
 
 def best_start(panel: Panel, problem: JointProblem, effect: Effect, joint: int) -> Trial:

@@ -12,7 +12,7 @@ from ident.effects.base import Effect, Survey
 from ident.gap.abstain import explainable
 from ident.gap.attribute import GAIN, LEVEL, JointGap, Search
 from ident.gap.belief import CERTAIN
-from ident.gap.candidates import forms, grid
+from ident.gap.candidates import climb, forms, grid
 from ident.gap.panel import Panel
 from ident.gap.problem import JointProblem
 from ident.gap.settle import LAW
@@ -112,18 +112,25 @@ def _p_value(panel: Panel, whole: Whole, searches: Sequence[Search]) -> float:
 
 
 def _try(panel: Panel, problems: Sequence[JointProblem], effect: Effect, before: FloatArray) -> Whole | None:
-    best: Whole | None = None
     lower = np.array([c.lower for c in effect.coefficients(panel.robot)])
-    for shape in grid(effect.shapes):
+
+    def at(shape: FloatArray) -> Whole | None:
         columns = [panel.columns(effect, shape, j)[p.keep] for j, p in enumerate(problems)]
         found = _shared(problems, columns, before)
         if found is None or np.any(found[0] < lower):
-            continue
-        coefficients, held_out = found
-        gain = float(_likelihoods(problems, before.sum(axis=1), held_out.sum(axis=1)).sum())
-        if best is None or gain > best.likelihood:
-            best = Whole(effect, shape, coefficients, held_out, gain)
-    return best
+            return None
+        likelihood = float(_likelihoods(problems, before.sum(axis=1), found[1].sum(axis=1)).sum())
+        return Whole(effect, shape, *found, likelihood)
+
+    def likelihood(shape: FloatArray) -> float:
+        one = at(shape)
+        return -np.inf if one is None else one.likelihood
+
+    tried = [one for one in map(at, grid(effect.shapes)) if one is not None]
+    best = max(tried, key=lambda one: one.likelihood, default=None)
+    if best is None or not effect.shapes:
+        return best
+    return at(climb(likelihood, effect.shapes, best.shape, best.likelihood)[0])
 
 
 def _likelihoods(problems: Sequence[JointProblem], before: FloatArray, after: FloatArray) -> FloatArray:
