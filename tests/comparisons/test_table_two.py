@@ -109,3 +109,23 @@ def test_quick_networks_see_more_data_in_larger_batches_and_the_papers_are_the_p
 def test_page_says_what_was_named(result):
     page = table_two_page(result | {"named": {"payload": [], "maxwell-slip": [4, 2]}})
     assert "Named effects: `payload` on the whole robot; `maxwell-slip` on joints 2, 4." in page
+
+
+def test_methods_fitted_side_by_side_are_found_done(tmp_path, monkeypatch):
+    from comparisons.cluster import workers
+    from comparisons.experiments import table_two
+    from comparisons.progress import show_nothing
+
+    tiny = {name: (kind, {"frames": 4000}) for name, (kind, _) in dataset.PRESETS["quick"].items()}
+    monkeypatch.setitem(dataset.PRESETS, "tiny", tiny)
+    monkeypatch.setattr("comparisons.experiments.data.EXCITATION", 3.0)
+    monkeypatch.setattr(table_two, "MODELS", {table_two.SLIP: table_two.MODELS[table_two.SLIP]})
+    monkeypatch.setattr(table_two, "NETWORKS", {"MLP": "mlp"})
+    data = paper_data(VirtualRobot(load_robot("vs060")), "tiny", tmp_path / "data", 1, show_nothing)
+    rows = table_two.Rows(data, tmp_path / "models", "quick", 1, 2, "cpu", show_nothing)
+    with workers(None, 1):
+        rows.fit()
+    done = {path: path.stat().st_mtime_ns for path in tmp_path.rglob("fit.json")}
+    assert len(done) == 3
+    assert [one.name for one in rows.all()] == ["maxwell-slip", "mlp-seed0", "mlp-seed1"]
+    assert {path: path.stat().st_mtime_ns for path in tmp_path.rglob("fit.json")} == done
