@@ -24,6 +24,9 @@ EULER = 0.5772156649
 PACES = (0.003, 0.03, 0.3)
 """Speeds, over the mean speed, at which classes of rows part in which the residual is of one size."""
 
+TOLERATED = 0.02
+"""Share of the RMS residual by which a candidate may lower it where there is nothing but small errors of the model."""
+
 ABSORBED = 1e-3
 """Share of a column's length that the baseline must leave for it to count."""
 
@@ -73,6 +76,8 @@ class Gate:
     def statistic(self, columns: FloatArray) -> float:
         """The statistic of columns (N, k) against surrogates of what is left with them fitted.
 
+        No model is exact, and in long logs every error of it is significant: what a candidate would explain of errors
+        that are tolerated does not count (an interval instead of a point as the hypothesis, Hodges and Lehmann 1954).
         A constant or a trend is all of its own surrogate's spectrum at the lowest frequencies: surrogates of the
         residual that still holds it would hide it.
         """
@@ -86,7 +91,9 @@ class Gate:
         rng = np.random.default_rng(len(columns))
         drawn = self._surrogates(self.problem.residual - own @ part, rng)
         chance = np.sum((own.T.astype(np.float32) @ drawn) ** 2, axis=0)
-        return float(part @ part) / max(float(chance.mean()), 1e-300)
+        tolerated = np.sqrt(1.0 - (1.0 - TOLERATED) ** 2) * np.linalg.norm(self.problem.residual)
+        beyond = max(float(np.linalg.norm(part) - tolerated), 0.0) ** 2
+        return beyond / max(float(chance.mean()), 1e-300)
 
     def _surrogates(self, residual: FloatArray, rng: np.random.Generator) -> Float32Array:
         size = np.zeros(len(residual))
