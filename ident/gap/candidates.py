@@ -50,7 +50,12 @@ class Trial:
     @property
     def at_bound(self) -> bool:
         """Whether a shape parameter ended where its law stops being this one's."""
-        return any(_at_bound(s, v) for s, v in zip(self.effect.shapes, self.shape.tolist(), strict=True))
+        return at_bound(self.effect, self.shape)
+
+
+def at_bound(effect: Effect, shape: FloatArray) -> bool:
+    """Whether a shape parameter (k,) of an effect is where its law stops being this one's."""
+    return any(_at_bound(s, v) for s, v in zip(effect.shapes, shape.tolist(), strict=True))
 
 
 def forms(survey: Survey, joint: int | None, present: Sequence[Effect]) -> list[Effect]:

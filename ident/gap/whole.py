@@ -10,9 +10,9 @@ import numpy as np
 from ident.arrays import FloatArray
 from ident.effects.base import Effect, Survey
 from ident.gap.abstain import explainable
-from ident.gap.attribute import GAIN, LEVEL, JointGap, Search
+from ident.gap.attribute import GAIN, LEVEL, RIVAL_LAW, JointGap, Search
 from ident.gap.belief import CERTAIN
-from ident.gap.candidates import climb, forms, grid
+from ident.gap.candidates import at_bound, climb, forms, grid
 from ident.gap.panel import Panel
 from ident.gap.problem import JointProblem
 from ident.gap.settle import LAW
@@ -52,6 +52,11 @@ class Whole:
     p_value: float = 1.0
     alternatives: tuple[str, ...] = ()
 
+    @property
+    def standing(self) -> float:
+        """Its likelihood, less what laws are wrong by if it is at a bound: a filter quick enough is a delay."""
+        return self.likelihood * (1.0 - RIVAL_LAW if at_bound(self.effect, self.shape) else 1.0)
+
 
 def whole_effect(
     panel: Panel, survey: Survey, gaps: Sequence[JointGap], searches: Sequence[Search], present: Sequence[Effect]
@@ -63,7 +68,7 @@ def whole_effect(
     single = _likelihoods(problems, before.sum(axis=1), best_single)
     affected = 1.0 - np.sqrt(best_single / before.sum(axis=1)) > GAIN
     tried = [_try(panel, problems, effect, before) for effect in forms(survey, None, present)]
-    ranking = tuple(sorted((w for w in tried if w is not None), key=lambda w: -w.likelihood))
+    ranking = tuple(sorted((w for w in tried if w is not None), key=lambda w: -w.standing))
     for best in ranking:
         after = best.held_out.sum(axis=1)
         gains = 1.0 - np.sqrt(after / before.sum(axis=1))
@@ -83,10 +88,18 @@ def whole_effect(
             continue
         p_value = _p_value(panel, best, searches)
         if p_value <= LEVEL:
-            close = [w.effect.name for w in ranking if w.likelihood >= LAW * best.likelihood]
-            others = tuple(name for name in dict.fromkeys(close) if name != best.effect.name)
-            return replace(best, p_value=p_value, alternatives=others)
+            return replace(best, p_value=p_value, alternatives=_alternatives(best, ranking))
     return None
+
+
+def _alternatives(best: Whole, ranking: Sequence[Whole]) -> tuple[str, ...]:
+    """Names that explain nearly as much, or nearly so of a rival, whose laws are closer than either is to the truth."""
+    names = []
+    for other in ranking:
+        share = 1.0 - RIVAL_LAW if best.effect.rivals_with(other.effect) else LAW
+        if other.effect.name != best.effect.name and other.standing >= share * best.standing:
+            names.append(other.effect.name)
+    return tuple(dict.fromkeys(names))
 
 
 def _exhausts(panel: Panel, survey: Survey, problem: JointProblem, whole: Whole, joint: int) -> bool:
