@@ -210,10 +210,13 @@ def _build(urdf: Urdf) -> Any:
 
 
 def _renamed(model: Any) -> Any:
-    """Give frames of joints that have a link's name one of their own: URDF allows it, Pinocchio's search does not."""
+    """Give frames of fixed joints that have a link's name one of their own.
+
+    URDF allows the same name, and so does Pinocchio where a joint moves; its search for a fixed one breaks down.
+    """
     links = {frame.name for frame in model.frames if frame.type == pin.FrameType.BODY}
     for frame in model.frames:
-        if frame.type != pin.FrameType.BODY and frame.name in links:
+        if frame.type == pin.FrameType.FIXED_JOINT and frame.name in links:
             frame.name = f"{frame.name} (joint)"
     return model
 
