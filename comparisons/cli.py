@@ -7,9 +7,9 @@ import os
 import signal
 import sys
 import traceback
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from types import FrameType
-from typing import NoReturn
+from typing import Any, NoReturn
 
 from cyclopts import App, CycloptsError
 
@@ -38,18 +38,38 @@ def main(arguments: Sequence[str] | None = None) -> NoReturn:
     Args:
         arguments: words after ``sensorless``; those of the process unless given.
     """
+    words = list(sys.argv[1:] if arguments is None else arguments)
+
+    def run() -> int | None:
+        _check_command(words)
+        status: int | None = build_app()(words)
+        return status
+
+    _exit_after(run, _help_for(words))
+
+
+def run_alone(command: Callable[..., None]) -> NoReturn:
+    """Run the command of a module that is called by ``python -m``, and exit as `main` does.
+
+    Args:
+        command: its function; the words of the process are its arguments.
+    """
+    app = _app()
+    app.default(command)
+    _exit_after(lambda: app(sys.argv[1:]), "--help")
+
+
+def _exit_after(run: Callable[[], int | None], help_words: str) -> NoReturn:
     # A terminated run leaves through the same doors as an interrupted one, so that nothing half-written stays.
     signal.signal(signal.SIGTERM, _terminate)
-    words = list(sys.argv[1:] if arguments is None else arguments)
     try:
-        _check_command(words)
-        status = build_app()(words) or 0
+        status = run() or 0
         sys.stdout.flush()
     except InputError as error:
         _say(f"error: {_one_line(str(error))}")
         status = 2
     except CycloptsError as error:
-        _say(f"error: {_one_line(str(error)).rstrip('.')}, on the command line, see {_help_for(words)}")
+        _say(f"error: {_one_line(str(error)).rstrip('.')}, on the command line, see {help_words}")
         status = 2
     except KeyboardInterrupt:
         _say("interrupted")
@@ -66,19 +86,23 @@ def main(arguments: Sequence[str] | None = None) -> NoReturn:
 
 def build_app() -> App:
     """Return the cyclopts application; commands are imported when they are called, not before."""
-    app = App(
-        name="sensorless",
-        help="A sense of touch for robot arms from joint positions and motor currents.",
-        version=_version,
+    purpose = "A sense of touch for robot arms from joint positions and motor currents."
+    app = _app(name="sensorless", help=purpose, version=_version)
+    for name, purpose in COMMANDS.items():
+        app.command(f"comparisons.commands.{name}:{name}", name=name, help=purpose)
+    return app
+
+
+def _app(**options: Any) -> App:
+    """Return a cyclopts application that leaves errors and exits to us."""
+    return App(
         print_error=False,
         exit_on_error=False,
         result_action="return_value",
         help_format="plaintext",
         suppress_keyboard_interrupt=False,
+        **options,
     )
-    for name, purpose in COMMANDS.items():
-        app.command(f"comparisons.commands.{name}:{name}", name=name, help=purpose)
-    return app
 
 
 def _check_command(words: list[str]) -> None:

@@ -18,9 +18,12 @@ def workers(scheduler: str | None, jobs: int | None = None) -> Iterator[None]:
         jobs: How many processes of this machine, each with one thread for linear algebra; None leaves joblib's choice.
 
     Raises:
-        InputError: Dask is not installed, or nobody answers at the address.
+        InputError: Dask is not installed, or nobody answers at the address; no process at all is asked for.
     """
     from joblib import parallel_config
+
+    if jobs == 0:
+        raise InputError("no process at all", "--jobs 0", "give how many, or -1 for one a core")
 
     if scheduler is not None:
         with _client(scheduler), parallel_config(backend="dask", n_jobs=-1):

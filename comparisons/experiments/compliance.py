@@ -16,9 +16,9 @@ import sys
 from pathlib import Path
 from typing import Any
 
-import cyclopts
 import numpy as np
 
+from comparisons.cli import run_alone
 from comparisons.experiments.compliance_page import compliance_page
 from comparisons.experiments.compliance_work import NETWORK, PLAIN, SLIP, Sizes, Work
 from comparisons.experiments.compliant import CUTOFF, PUSHES, READY, JointFollower, ride, ride_figures
@@ -126,4 +126,4 @@ def _peak(values: FloatArray, rate: float) -> FloatArray:
 
 
 if __name__ == "__main__":
-    cyclopts.run(compliance)
+    run_alone(compliance)

@@ -18,6 +18,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import cyclopts
 
+from comparisons.cli import run_alone
 from comparisons.cluster import workers
 from comparisons.comparison.held_out import HeldOut
 from comparisons.experiments.candidates import Candidate, load_grid
@@ -80,6 +81,8 @@ def screening(
     """
     if folds < 2:
         raise InputError(f"{folds} fold(s)", "--folds", "give at least 2")
+    if jobs == 0:
+        raise InputError("no training at a time", "--jobs 0", "give how many, or -1 for one a core")
     candidates = load_grid(grid)
     loaded = load_robot(robot)
     out.mkdir(parents=True, exist_ok=True)
@@ -150,4 +153,4 @@ def recorded(robot: Robot, folder: Path, folds: int, seconds: float, seed: int, 
 
 
 if __name__ == "__main__":
-    cyclopts.run(screening)
+    run_alone(screening)

@@ -15,9 +15,9 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-import cyclopts
 import numpy as np
 
+from comparisons.cli import run_alone
 from comparisons.experiments.table_two_page import joint_table
 from comparisons.output import to_json
 from comparisons.report.provenance import provenance
@@ -80,4 +80,4 @@ def table_three_page(result: Mapping[str, Any]) -> str:
 
 
 if __name__ == "__main__":
-    cyclopts.run(table_three)
+    run_alone(table_three)

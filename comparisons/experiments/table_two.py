@@ -18,10 +18,10 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-import cyclopts
 import numpy as np
 from joblib import Parallel, delayed
 
+from comparisons.cli import run_alone
 from comparisons.cluster import workers
 from comparisons.comparison.contestant import Contestant
 from comparisons.comparison.held_out import HeldOut
@@ -175,7 +175,7 @@ def table_two(
         data: another preset of the data sets than `DATA` has for that of the networks.
         seed: of the data.
         device: that networks learn on: cpu or cuda.
-        jobs: methods fitted at a time on this machine.
+        jobs: methods fitted at a time on this machine, -1 for one a core.
         scheduler: address of a Dask scheduler whose workers fit them instead.
     """
     out.mkdir(parents=True, exist_ok=True)
@@ -185,7 +185,7 @@ def table_two(
         logs = paper_data(virtual, data or DATA[preset], home / "data", seed, progress)
         tests = HeldOut.of(logs.test)
         rows = Rows(logs, home / "models", preset, epochs, seeds, device, progress)
-        if scheduler is not None or jobs > 1:
+        if scheduler is not None or jobs != 1:
             with workers(scheduler, jobs):
                 rows.fit()
         result = _measure(rows, tests)
@@ -226,4 +226,4 @@ def _measure(rows: Rows, tests: HeldOut) -> dict[str, Any]:
 
 
 if __name__ == "__main__":
-    cyclopts.run(table_two)
+    run_alone(table_two)

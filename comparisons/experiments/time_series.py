@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import cyclopts
 import numpy as np
 
+from comparisons.cli import run_alone
 from comparisons.comparison.held_out import HeldOut
 from comparisons.comparison.methods import Preset
 from comparisons.experiments.data import paper_data
@@ -174,4 +175,4 @@ def _mark(axis: Axes, at: Any, marker: str, label: str) -> None:
 
 
 if __name__ == "__main__":
-    cyclopts.run(time_series)
+    run_alone(time_series)

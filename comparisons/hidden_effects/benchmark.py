@@ -19,6 +19,7 @@ from typing import Annotated, Any
 import cyclopts
 from joblib import Parallel, delayed
 
+from comparisons.cli import run_alone
 from comparisons.cluster import workers
 from comparisons.hidden_effects.benchmark_page import page, plots, results
 from comparisons.hidden_effects.measured import FOLDER, MeasuredTask, measured_tasks
@@ -156,8 +157,4 @@ def _tell(number: int, of: int, seconds: float, record: dict[str, Any]) -> None:
 
 
 if __name__ == "__main__":
-    try:
-        cyclopts.run(benchmark)
-    except InputError as error:
-        print(f"error: {error}", file=sys.stderr)
-        sys.exit(2)
+    run_alone(benchmark)

@@ -172,3 +172,21 @@ def test_convert_writes_the_contract(capsys, tmp_path: Path):
     assert (status, err) == (0, "")
     assert out == f"{tmp_path / 'b.parquet'}: 50 rows\n"
     assert (tmp_path / "b.parquet").stat().st_size > 0
+
+
+def test_a_module_called_by_itself_ends_as_the_commands_do(monkeypatch, capsys):
+    def count(*, jobs: int = 1) -> None:
+        if jobs == 0:
+            raise InputError("no process at all", "--jobs 0", "give how many")
+
+    for words, status, said in (
+        (["--jobs", "2"], 0, ""),
+        (["--jobs", "0"], 2, "error: no process at all, --jobs 0, give how many\n"),
+        (["--jobs", "two"], 2, "error: "),
+    ):
+        monkeypatch.setattr("sys.argv", ["count", *words])
+        with pytest.raises(SystemExit) as left:
+            cli.run_alone(count)
+        err = capsys.readouterr().err
+        assert (left.value.code, err.count("\n")) == (status, int(status > 0))
+        assert err.startswith(said)
