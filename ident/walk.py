@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ident.arrays import BoolArray
+from ident.arrays import BoolArray, FloatArray
 from ident.log import JointLog, LogSource, concatenate
 from ident.signals import Motion, derive
 
@@ -40,6 +40,11 @@ class Block:
     motion: Motion
     first: bool
     keep: BoolArray
+
+    @property
+    def removed(self) -> FloatArray:
+        """What the filter took from the positions of the rows to learn from, (M, n)."""
+        return (self.log.q - self.motion.q)[self.keep]
 
 
 def walk(source: LogSource, cutoff: float, rows: int = ROWS) -> Iterator[Block]:

@@ -15,10 +15,8 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True)
-class Payload(Effect):
-    """A body held by the last link that the model does not know (Khalil, Gautier and Lemoine 2007).
-
-    Linear in its mass and first moments; its inertia about its own centre is left out.
+class Weighing(Effect):
+    """A change of the whole arm that loads the joints in N m.
 
     Attributes:
         per_newton_metre: force units per N m of each joint, (n,); ones in a model whose drive gains are known.
@@ -26,15 +24,27 @@ class Payload(Effect):
 
     per_newton_metre: tuple[float, ...] = ()
 
-    name = "payload"
-    family = "rigid-body"
-    rivals = ("drive-gain", "base-tilt")
-    excitation = "static poses in which the wrist axes point several ways, against a model of the unloaded arm"
-
     @classmethod
     def candidates(cls, survey: Survey, joint: int | None) -> list[Effect]:
         """Try it on the whole robot."""
         return [cls(None, tuple(survey.per_newton_metre.tolist()))] if joint is None else []
+
+    def in_force_units(self, columns: FloatArray) -> FloatArray:
+        """Return columns (N, n, k) in N m in the model's force units."""
+        return columns * np.array(self.per_newton_metre)[:, None] if self.per_newton_metre else columns
+
+
+@dataclass(frozen=True)
+class Payload(Weighing):
+    """A body held by the last link that the model does not know (Khalil, Gautier and Lemoine 2007).
+
+    Linear in its mass and first moments; its inertia about its own centre is left out.
+    """
+
+    name = "payload"
+    family = "rigid-body"
+    rivals = ("drive-gain", "base-tilt")
+    excitation = "static poses in which the wrist axes point several ways, against a model of the unloaded arm"
 
     def coefficients(self, robot: Robot) -> tuple[Coefficient, ...]:
         """Return mass and first moments in the last link's frame."""
@@ -44,8 +54,7 @@ class Payload(Effect):
     def columns(self, context: Context, shape: FloatArray, memory: FloatArray) -> FloatArray:
         """Return the link regressor's columns of the last link."""
         last = 10 * int(context.robot.multibody.tree.order[-1])
-        columns = context.link_regressor[:, :, last : last + 4]
-        return columns * np.array(self.per_newton_metre)[:, None] if self.per_newton_metre else columns
+        return self.in_force_units(context.link_regressor[:, :, last : last + 4])
 
     def summary(self, robot: Robot, shape: FloatArray, coefficients: FloatArray) -> dict[str, float | list[float]]:
         """Return mass and centre of mass."""
@@ -54,27 +63,17 @@ class Payload(Effect):
 
 
 @dataclass(frozen=True)
-class BaseTilt(Effect):
+class BaseTilt(Weighing):
     """A base that does not stand as the model says: gravity comes from another side (roll about x, then pitch about y).
 
     Linear for the few degrees that a base is ever off; it loads an upright first joint, which no payload does. The
     links are the URDF's: those fitted are sums of parameters that act alike under upright gravity only.
-
-    Attributes:
-        per_newton_metre: force units per N m of each joint, (n,); ones in a model whose drive gains are known.
     """
-
-    per_newton_metre: tuple[float, ...] = ()
 
     name = "base-tilt"
     family = "rigid-body"
     rivals = ("payload", "current-offset")
     excitation = "static poses all around the first axis"
-
-    @classmethod
-    def candidates(cls, survey: Survey, joint: int | None) -> list[Effect]:
-        """Try it on the whole robot."""
-        return [cls(None, tuple(survey.per_newton_metre.tolist()))] if joint is None else []
 
     def coefficients(self, robot: Robot) -> tuple[Coefficient, ...]:
         """Return the two angles."""
@@ -86,8 +85,7 @@ class BaseTilt(Effect):
         turned = [np.cross(np.asarray(arm.gravity, dtype=float), axis) for axis in np.eye(3)[:2]]
         body = context.robot.rigid_body
         weights = [body.inverse_dynamics(context.motion.q, rest, rest, arm.parameters, g) for g in turned]
-        columns = np.stack(weights, axis=2)
-        return columns * np.array(self.per_newton_metre)[:, None] if self.per_newton_metre else columns
+        return self.in_force_units(np.stack(weights, axis=2))
 
 
 NEUTRAL = (0.0, 0.5, -0.5, 1.0, -1.0, 1.5, -1.5, 2.0, -2.0, 2.5, -2.5, 3.0, -3.0)

@@ -54,8 +54,7 @@ def velocity_noise(model: CurrentModel, panel: Panel) -> FloatArray:
         removed = np.concatenate([(b.log.dq - b.motion.dq)[b.keep] for b in panel.blocks])  # type: ignore[operator]
         share = min(2.0 * cutoff / rate, 0.9)
         return np.asarray(_spread(removed) * np.sqrt(share / (1.0 - share)))
-    removed = np.concatenate([(b.log.q - b.motion.q)[b.keep] for b in panel.blocks])
-    return derivative_noise(_spread(removed), cutoff, rate)
+    return derivative_noise(_spread(np.concatenate([b.removed for b in panel.blocks])), cutoff, rate)
 
 
 def _spread(values: FloatArray) -> FloatArray:

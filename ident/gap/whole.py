@@ -14,7 +14,7 @@ from ident.gap.attribute import GAIN, LEVEL, RIVAL_LAW, JointGap, Search
 from ident.gap.belief import CERTAIN
 from ident.gap.candidates import at_bound, climb, forms, grid
 from ident.gap.panel import Panel
-from ident.gap.problem import JointProblem
+from ident.gap.problem import JointProblem, gain
 from ident.gap.settle import LAW
 
 SHARE = 0.85
@@ -64,18 +64,19 @@ def whole_effect(
     """The best cause of the whole robot, if it explains about as much as single joints' effects."""
     problems = [search.problem for search in searches]
     before = np.array([p.errors().held_out for p in problems])
-    best_single = np.array([min(b.sum(), s.best_error) for b, s in zip(before, searches, strict=True)])
-    single = _likelihoods(problems, before.sum(axis=1), best_single)
-    affected = 1.0 - np.sqrt(best_single / before.sum(axis=1)) > GAIN
+    squares = before.sum(axis=1)
+    best_single = np.minimum(squares, [s.best_error for s in searches])
+    single = _likelihoods(problems, squares, best_single)
+    affected = _gains(squares, best_single) > GAIN
     tried = [_try(panel, problems, effect, before) for effect in forms(survey, None, present)]
     ranking = tuple(sorted((w for w in tried if w is not None), key=lambda w: -w.standing))
     for best in ranking:
         after = best.held_out.sum(axis=1)
-        gains = 1.0 - np.sqrt(after / before.sum(axis=1))
+        gains = _gains(squares, after)
         helped = np.flatnonzero((gains > GAIN) & (best.held_out < before).all(axis=1))
         if len(helped) == 0 or gains.min() < -GAIN:
             continue
-        likelihoods = _likelihoods(problems, before.sum(axis=1), after)
+        likelihoods = _likelihoods(problems, squares, after)
         if len(helped) == 1 < panel.robot.n:
             j = int(helped[0])
             shown = likelihoods[j] > BEATS * single[j] and _exhausts(panel, survey, problems[j], best, j)
@@ -150,6 +151,11 @@ def _likelihoods(problems: Sequence[JointProblem], before: FloatArray, after: Fl
     """Gain in log-likelihood (n,) of each joint when its squared residual falls."""
     lengths = np.array([len(p) for p in problems])
     return np.asarray(0.5 * lengths * np.log(before / np.maximum(after, 1e-300)))
+
+
+def _gains(before: FloatArray, after: FloatArray) -> FloatArray:
+    """Share (n,) by which each joint's RMS residual falls."""
+    return np.array([gain(b, a) for b, a in zip(before, after, strict=True)])
 
 
 def _shared(

@@ -113,14 +113,12 @@ class _Workflow:
 
     def unsure(self) -> BoolArray:
         """Rows (N, n) whose sign of velocity is noise."""
-        everything = np.ones(len(self.panel), dtype=bool)
-        gaps = [self.gap(self.panel, j, everything) for j in range(self.model.n)]
-        residuals = np.stack([gap.problem(self.panel).residual for gap in gaps], axis=1)
+        residuals = np.stack([gap.problem(self.panel).residual for gap in self.gaps], axis=1)
         return unsure_rows(self.model, self.panel, self.survey, residuals)
 
     def name(self, keep: BoolArray) -> _Causes:
         """Steps 3 to 5: first causes of the whole robot, then of each joint."""
-        gaps = [self.gap(self.panel, j, keep[:, j]) for j in range(self.model.n)]
+        gaps = [replace(gap, keep=keep[:, gap.joint]) for gap in self.gaps]
         wholes: list[Whole] = []
         self.tell("trying effects", 0.0)
         searches = self.searches(gaps)
@@ -147,8 +145,14 @@ class _Workflow:
         )
         return found
 
-    def gap(self, panel: Panel, joint: int, keep: BoolArray) -> JointGap:
+    @cached_property
+    def gaps(self) -> list[JointGap]:
+        """Every joint's rows, all of them and before anything is named."""
+        return [self.gap(self.panel, j) for j in range(self.model.n)]
+
+    def gap(self, panel: Panel, joint: int) -> JointGap:
         """The joint's rows: the model's columns if it is refitted, else what it leaves."""
+        keep = np.ones(len(panel), dtype=bool)
         own = [t for t in self.model.terms if t.effect.joint in (None, joint)]
         edge, target = edge_columns(panel, own, joint), panel.force[:, joint]
         if not self.refit:
@@ -214,7 +218,7 @@ class _Workflow:
 
     def plain(self, gap: JointGap) -> JointGap:
         """The joint's rows before causes of the whole robot were taken away."""
-        return self.gap(self.panel, gap.joint, gap.keep)
+        return replace(self.gaps[gap.joint], keep=gap.keep)
 
     def whole_finding(self, whole: Whole) -> Finding:
         effect = whole.effect
@@ -251,8 +255,7 @@ class _Workflow:
             return None
         left = gap.problem(self.panel, [*besides, one]).residual
         joined = {
-            name: Joined(panel, self.gap(panel, gap.joint, np.ones(len(panel), dtype=bool)), added)
-            for name, (panel, added) in self.joined.items()
+            name: Joined(panel, self.gap(panel, gap.joint), added) for name, (panel, added) in self.joined.items()
         }
         return separating(Question(one, other, tuple(besides), float(np.sqrt(np.mean(left**2)))), joined)
 

@@ -58,10 +58,15 @@ def test_claims_and_the_papers_rows_name_rows_that_there_are():
     assert {key for _, key, *_ in CLAIMS} <= set(REGIMES)
 
 
-def test_data_are_recorded_once_and_anew_for_another_seed(tmp_path, monkeypatch):
-    tiny = {name: (kind, {"frames": 300}) for name, (kind, _) in dataset.PRESETS["quick"].items()}
+def tiny_preset(monkeypatch, frames):
+    """Make a preset of a few frames a set, ``tiny``."""
+    tiny = {name: (kind, {"frames": frames}) for name, (kind, _) in dataset.PRESETS["quick"].items()}
     monkeypatch.setitem(dataset.PRESETS, "tiny", tiny)
     monkeypatch.setattr("comparisons.experiments.data.EXCITATION", 3.0)
+
+
+def test_data_are_recorded_once_and_anew_for_another_seed(tmp_path, monkeypatch):
+    tiny_preset(monkeypatch, 300)
     virtual, told = VirtualRobot(load_robot("vs060")), []
 
     def progress(what, share):
@@ -116,9 +121,7 @@ def test_methods_fitted_side_by_side_are_found_done(tmp_path, monkeypatch):
     from comparisons.experiments import table_two
     from comparisons.progress import show_nothing
 
-    tiny = {name: (kind, {"frames": 4000}) for name, (kind, _) in dataset.PRESETS["quick"].items()}
-    monkeypatch.setitem(dataset.PRESETS, "tiny", tiny)
-    monkeypatch.setattr("comparisons.experiments.data.EXCITATION", 3.0)
+    tiny_preset(monkeypatch, 4000)
     monkeypatch.setattr(table_two, "MODELS", {table_two.SLIP: table_two.MODELS[table_two.SLIP]})
     monkeypatch.setattr(table_two, "NETWORKS", {"MLP": "mlp"})
     data = paper_data(VirtualRobot(load_robot("vs060")), "tiny", tmp_path / "data", 1, show_nothing)
