@@ -245,7 +245,7 @@ def _named(
     moving = [j for j in range(robot.n) if j not in still]
     for kind in [catalogue[name] for name in dict.fromkeys(names) if name not in present]:
         if kind is CrossJointFriction:
-            effects += [CrossJointFriction(j, smoothing[j], source) for j in moving for source in coupled(robot, j)]
+            effects += [CrossJointFriction(j, source) for j in moving for source in coupled(robot, j)]
         elif issubclass(kind, VelocityEffect):
             effects += [kind(j, smoothing[j]) for j in moving]
         else:

@@ -137,7 +137,7 @@ def candidates(robot: Robot, own: Sequence[Effect], joint: int, rests: bool = Tr
     possible += [MaxwellSlip(joint), CableSpring(joint)]
     if not robot.multibody.prismatic[joint]:
         possible.append(GearRipple(joint))
-    possible += [CrossJointFriction(joint, smoothing, source) for source in coupled(robot, joint)]
+    possible += [CrossJointFriction(joint, source) for source in coupled(robot, joint)]
     return [effect for effect in possible if effect.name not in present]
 
 

@@ -138,11 +138,11 @@ def _(s: Scene, j: int, a: float, rng: np.random.Generator) -> tuple[FloatArray,
     power = np.abs(own * s.dq[:, j])
     dt = np.diff(s.t, prepend=s.t[0])
     heat = np.zeros(len(s.t))
-    level, usual = 0.0, power.mean() + 1e-12
+    level, usual = 0.0, s.coulomb[j] + s.viscous[j]  # at 1 rad/s
     for k in range(len(s.t)):
         level = 0.0 if s.start[k] else level + dt[k] / seconds * (power[k] / usual - level)
         heat[k] = level
-    a = min(a, 0.8)  # friction is not turned round
+    a = min(a, 0.7)  # friction is not turned round
     return on(s, j, -a * own * heat / (0.5 + 0.5 * heat)), {"share": a, "seconds": seconds}
 
 

@@ -105,7 +105,8 @@ class Survey:
         robot: the robot.
         smoothing: speed (n,) over which each joint's sign of velocity turns [rad/s or m/s].
         pace: mean speed (n,) [rad/s or m/s].
-        dry: friction force (n,) of each joint at its mean speed, in the model's force unit.
+        friction: friction force (n,) of each joint at its mean speed, in the model's force unit.
+        viscous: share (n,) of it that is viscous.
         largest: largest force (n,) that a model of the logs gives, in its force unit.
         per_newton_metre: force units per N m of each joint, (n,).
         since: earliest time stamp [s].
@@ -116,7 +117,8 @@ class Survey:
     robot: Robot
     smoothing: FloatArray
     pace: FloatArray
-    dry: FloatArray
+    friction: FloatArray
+    viscous: FloatArray
     largest: FloatArray
     per_newton_metre: FloatArray
     since: float

@@ -241,7 +241,9 @@ class PositionFriction(VelocityEffect):
     @property
     def shapes(self) -> tuple[Shape, ...]:
         """Return the swings a turn (a metre) of the joint."""
-        return (Shape("per_turn", "1", 0.3, 12.0, (1.0, 0.5, 2.0, 3.0, 4.0, 6.0, 8.0, 10.0), log=False),)
+        starts = (1.0, 0.5, 2.0, 3.0, 4.0, 6.0, 8.0, 10.0)
+        # Of less than a swing the logs show a slope, and of that any slow swing is as good.
+        return (Shape("per_turn", "1", 0.3, 12.0, starts, log=False, ends=(False, True)),)
 
     def coefficients(self, robot: Robot) -> tuple[Coefficient, ...]:
         """Return the swing in and out of phase with the joint's zero, and that of its second harmonic."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TypeVar
 
 import numpy as np
 
@@ -11,6 +11,8 @@ from ident.arrays import FloatArray
 from ident.compiled import compiled
 from ident.effects.base import Coefficient, Context, Effect, Shape, Survey
 from ident.effects.friction import VelocityEffect
+
+Heat = TypeVar("Heat", float, FloatArray)
 
 if TYPE_CHECKING:
     from ident.robot import Robot
@@ -20,16 +22,18 @@ if TYPE_CHECKING:
 class ThermalFriction(VelocityEffect):
     """Friction that changes while the grease warms up (Bittencourt and Gunnarsson 2012).
 
-    The joint's heat follows its dissipated power, taken as proportional to speed, with one time constant; a segment
-    starts cold. Dry and viscous friction change in proportion to the heat.
+    The joint's heat follows the power that its dry and viscous friction dissipate, with one time constant; a segment
+    starts cold. Dry and viscous friction change with the heat, ever less as it grows: viscosity falls exponentially.
 
     Attributes:
         pace: mean speed [rad/s or m/s] of the joint, which brings the heat to one.
-        coulomb: dry friction of the cold joint in force units, against which the share is reported.
+        friction: friction at that speed in force units, against which the share is reported.
+        viscous: share of it that is viscous.
     """
 
     pace: float = 1.0
-    coulomb: float = 1.0
+    friction: float = 1.0
+    viscous: float = 0.0
 
     name = "thermal-friction"
     family = "friction"
@@ -38,16 +42,17 @@ class ThermalFriction(VelocityEffect):
 
     @classmethod
     def candidates(cls, survey: Survey, joint: int | None) -> list[Effect]:
-        """Try it with the joint's own pace and dry friction."""
+        """Try it with the joint's own pace and friction."""
         if joint is None:
             return []
-        figures = survey.smoothing, survey.pace, survey.dry
+        figures = survey.smoothing, survey.pace, survey.friction, survey.viscous
         return [cls(joint, *(float(figure[joint]) for figure in figures))]
 
     @property
     def shapes(self) -> tuple[Shape, ...]:
-        """Return the time constant."""
-        return (Shape("seconds", "s", 12.0, 5000.0, (120.0, 25.0, 50.0, 400.0, 1500.0), ends=(False, False)),)
+        """Return the time constant, and how fast the change wanes with heat."""
+        seconds = Shape("seconds", "s", 12.0, 5000.0, (120.0, 25.0, 50.0, 400.0, 1500.0), ends=(False, False))
+        return (seconds, Shape("waning", "1", 0.05, 6.0, (0.5, 2.5), ends=(False, False)))
 
     def coefficients(self, robot: Robot) -> tuple[Coefficient, ...]:
         """Return what dry and viscous friction gain at a heat of one."""
@@ -58,16 +63,23 @@ class ThermalFriction(VelocityEffect):
         return np.array([0.0, np.nan])
 
     def columns(self, context: Context, shape: FloatArray, memory: FloatArray) -> FloatArray:
-        """Return heat times sign(dq), and heat times dq."""
+        """Return (1 - exp(-waning heat)) / waning times sign(dq), and times dq."""
         velocity = self.velocity(context)
-        power = np.abs(velocity) / max(self.pace, 1e-9)
+        speed = np.abs(velocity) / max(self.pace, 1e-9)
+        power = speed * (1.0 - self.viscous + self.viscous * speed)
         heat = _heat(np.ascontiguousarray(context.motion.t), np.nan_to_num(power), float(shape[0]), memory)
-        return heat[:, None] * np.stack([self.direction(context), velocity], axis=1)
+        return _change(heat, float(shape[1]))[:, None] * np.stack([self.direction(context), velocity], axis=1)
 
     def summary(self, robot: Robot, shape: FloatArray, coefficients: FloatArray) -> dict[str, float | list[float]]:
         """Return the share of dry and viscous friction at the mean speed that is lost when warm, and the time."""
-        change = coefficients[0] + coefficients[1] * self.pace
-        return {"share": float(-change / max(abs(self.coulomb), 1e-12)), "seconds": float(shape[0])}
+        change = float(coefficients[0] + coefficients[1] * self.pace) * _change(1.0, float(shape[1]))
+        return {"share": -change / max(abs(self.friction), 1e-12), "seconds": float(shape[0])}
+
+
+def _change(heat: Heat, waning: float) -> Heat:
+    """Change of friction over that per heat near nought."""
+    changed: Heat = -np.expm1(-waning * heat) / waning
+    return changed
 
 
 @compiled

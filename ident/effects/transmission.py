@@ -10,7 +10,6 @@ import numpy as np
 from ident.arrays import FloatArray
 from ident.compiled import compiled
 from ident.effects.base import Coefficient, Context, Effect, Shape, Survey
-from ident.effects.friction import VelocityEffect
 
 if TYPE_CHECKING:
     from ident.robot import Robot
@@ -30,7 +29,7 @@ POLE_HARMONICS = 8.0
 
 
 @dataclass(frozen=True)
-class CrossJointFriction(VelocityEffect):
+class CrossJointFriction(Effect):
     """Friction of a motor whose speed mixes two joints, as in coupled wrists (Gautier and Poignet 2001, Staubli RX).
 
     Attributes:
@@ -49,29 +48,32 @@ class CrossJointFriction(VelocityEffect):
         """Try every other joint as the source."""
         if joint is None:
             return []
-        return [cls(joint, float(survey.smoothing[joint]), k) for k in range(survey.robot.n) if k != joint]
+        return [cls(joint, k) for k in range(survey.robot.n) if k != joint]
 
     @property
     def shapes(self) -> tuple[Shape, ...]:
-        """Return how much of the other joint's motion enters."""
-        return (Shape("ratio", "1", -2.0, 2.0, (1.0, -1.0), log=False),)
+        """Return how much of the other joint's motion enters, and over which speed the mixed one's friction turns."""
+        turn = Shape("speed", "{angle}/s", 5e-4, 0.2, (0.02,), ends=(False, False))
+        return (Shape("ratio", "1", -2.0, 2.0, (1.0, -1.0), log=False), turn)
 
     def coefficients(self, robot: Robot) -> tuple[Coefficient, ...]:
         """Return dry friction and damping against the mixed speed."""
         return (Coefficient("force", "{current}", lower=0.0), Coefficient("damping", "{current} s/{angle}"))
 
     def columns(self, context: Context, shape: FloatArray, memory: FloatArray) -> FloatArray:
-        """Return the smoothed sign of dq_joint + ratio dq_source, and the part of it that is dq_source."""
+        """Return the sign of dq_joint + ratio dq_source, turning over a speed, and the part of it that is dq_source."""
         other = context.motion.dq[:, self.source]
-        mixed = self.velocity(context) + shape[0] * other
+        mixed = context.motion.dq[:, self.at] + shape[0] * other
         # The joint's own damping is the viscous effect's.
-        return np.stack([np.tanh(mixed / self.smoothing), other], axis=1)
+        return np.stack([np.tanh(mixed / shape[1]), other], axis=1)
 
     def gradient(self, context: Context, shape: FloatArray) -> FloatArray:
-        """Differentiate the columns by the ratio."""
-        other = context.motion.dq[:, self.source]
-        sign = np.tanh((self.velocity(context) + shape[0] * other) / self.smoothing)
-        return np.stack([(1 - sign**2) * other / self.smoothing, np.zeros(len(other))], axis=1)[None]
+        """Differentiate the columns by the ratio and the speed."""
+        other, speed = context.motion.dq[:, self.source], float(shape[1])
+        mixed = context.motion.dq[:, self.at] + shape[0] * other
+        slope = (1.0 - np.tanh(mixed / speed) ** 2) / speed
+        nought = np.zeros(len(other))
+        return np.stack([np.stack([slope * d, nought], axis=1) for d in (other, -mixed / speed)])
 
 
 @dataclass(frozen=True)

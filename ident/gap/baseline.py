@@ -25,6 +25,16 @@ SMOOTHINGS = np.geomspace(3e-4, 1e-2, 12)
 """Speeds [rad/s or m/s] over which the sign of velocity may turn; beyond, it is an effect of its own (sigmoid)."""
 
 
+STEP = 0.7
+"""What the cut-off is multiplied by, again and again, while the model predicts better with it."""
+
+ROWS_KEPT = 0.95
+"""Share of the rows that a lower cut-off must leave: a filter needs more of a segment, the lower it is."""
+
+HIGHEST = 0.4
+"""Cut-off at most, times the sampling rate."""
+
+
 def baseline_model(
     robot: Robot,
     train: Sequence[LogSource],
@@ -33,6 +43,9 @@ def baseline_model(
 ) -> CurrentModel:
     """Identify the model that a robotics engineer would start from, with the smoothing that the logs ask for.
 
+    The cut-off and the source of velocities are those with which the model predicts rows held out best: the positions'
+    spectrum alone does not tell how much their noise shakes inertial and dry friction forces.
+
     Args:
         robot: the robot.
         train: logs of free motion.
@@ -40,11 +53,10 @@ def baseline_model(
         progress: told what is being done and the share of it that is done.
     """
     found = identify(robot, train, cutoff=cutoff, effects=EFFECTS, progress=progress)
-    tried = [_smoothed(found.model, train)]
-    if any(block.dq is not None for source in train for block in itertools.islice(source.blocks(2), 1)):
-        tried.append(_smoothed(replace(found.model, positions_only=True), train))
-    # Logged velocities may be noisier than those that the positions give.
-    best = min(tried, key=lambda one: one.error)
+    best = _best_velocities(found.model, train)
+    if cutoff is None:
+        lower = _followed(best, STEP, train)
+        best = lower if lower is not best else _followed(best, 1.0 / STEP, train)
     effects = [term.effect for term in best.model.terms]
     views = [best.model.view(source) for source in train]
     fitted = fit(robot, effects, views, best.model.cutoff, Drives(best.model.gain, best.model.force_unit)).model
@@ -53,10 +65,29 @@ def baseline_model(
 
 @dataclass(frozen=True, eq=False)
 class _Smoothed:
-    """A model whose signs of velocity turn as the logs ask for, and its held-out error over all joints."""
+    """A model whose signs of velocity turn as the logs ask for, and its held-out error over all joints' rows."""
 
     model: CurrentModel
     error: float
+    rows: int
+
+
+def _followed(best: _Smoothed, factor: float, train: Sequence[LogSource]) -> _Smoothed:
+    """The model with its cut-off multiplied by a factor for as long as it predicts better."""
+    while best.model.cutoff * factor < HIGHEST * best.model.rate:
+        other = _best_velocities(replace(best.model, cutoff=factor * best.model.cutoff), train)
+        if other.error >= best.error or other.rows < ROWS_KEPT * best.rows:
+            break
+        best = other
+    return best
+
+
+def _best_velocities(model: CurrentModel, train: Sequence[LogSource]) -> _Smoothed:
+    """The model with velocities as logged or from positions: logged ones may be the noisier."""
+    tried = [_smoothed(replace(model, positions_only=False), train)]
+    if any(block.dq is not None for source in train for block in itertools.islice(source.blocks(2), 1)):
+        tried.append(_smoothed(replace(model, positions_only=True), train))
+    return min(tried, key=lambda one: one.error)
 
 
 def _smoothed(model: CurrentModel, train: Sequence[LogSource]) -> _Smoothed:
@@ -69,7 +100,7 @@ def _smoothed(model: CurrentModel, train: Sequence[LogSource]) -> _Smoothed:
         else term
         for term in model.terms
     )
-    return _Smoothed(replace(model, terms=terms), float(np.sum(np.log([error for _, error in found]))))
+    return _Smoothed(replace(model, terms=terms), float(np.sum(np.log([error for _, error in found]))), len(panel))
 
 
 def _smoothing(model: CurrentModel, panel: Panel, joint: int) -> tuple[float, float]:

@@ -197,7 +197,8 @@ def _at_bound(parameter: Shape, value: float) -> bool:
 def _bracket(parameter: Shape, value: float) -> tuple[float, float]:
     """Search range around a start: to the neighbouring starts, or the bounds."""
     starts = np.array(sorted({parameter.lower, *parameter.starts, parameter.upper}))
-    below, above = starts[starts < value * (1 - 1e-9) - 1e-12], starts[starts > value * (1 + 1e-9) + 1e-12]
+    others = starts[~np.isclose(starts, value, rtol=1e-9, atol=1e-12)]
+    below, above = others[others < value], others[others > value]
     low = below[-1] if len(below) else parameter.lower
     high = above[0] if len(above) else parameter.upper
     return (float(np.log(low)), float(np.log(high))) if parameter.log else (float(low), float(high))

@@ -37,19 +37,20 @@ def survey_of(model: CurrentModel, panel: Panel) -> Survey:
     total = np.concatenate([c.needed("total", "survey")[r] for c, r in zip(panel.contexts, panel.rows, strict=True)])
     position = panel.gather(lambda block: block.motion.q)
     smoothing = np.full(robot.n, 5e-3)
-    dry = np.zeros(robot.n)
+    dry, viscous = np.zeros(robot.n), np.zeros(robot.n)
     for term in model.terms:
         if isinstance(term.effect, VelocityEffect):
             smoothing[term.effect.at] = term.effect.smoothing
         if isinstance(term.effect, Coulomb):
             dry[term.effect.at] += term.coefficients[0]
         if isinstance(term.effect, Viscous):
-            dry[term.effect.at] += term.coefficients[0] * speed[:, term.effect.at].mean()
+            viscous[term.effect.at] += term.coefficients[0] * speed[:, term.effect.at].mean()
     return Survey(
         robot,
         smoothing,
         speed.mean(axis=0),
-        dry,
+        dry + viscous,
+        np.clip(viscous / np.maximum(dry + viscous, 1e-12), 0.0, 1.0),
         np.abs(total).max(axis=0),
         _per_newton_metre(model, panel),
         min(float(block.motion.t[0]) for block in panel.blocks),

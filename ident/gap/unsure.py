@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+from scipy.ndimage import uniform_filter1d
 
 from ident.arrays import BoolArray, FloatArray
 from ident.effects.base import Survey
@@ -10,12 +11,16 @@ from ident.effects.friction import Coulomb
 from ident.gap.panel import Panel
 from ident.model import CurrentModel
 from ident.signals import derivative_noise
+from ident.walk import Block
 
 TURNED = 3.0
 """Smoothings beyond which the sign has turned."""
 
 WORST = 1.0
 """By how many times the residual the velocity's noise may shake dry friction while its sign turns."""
+
+AROUND = 0.25
+"""Seconds around a row over which the noise of its velocity is told: counts that stand still make none at rest."""
 
 
 def unsure_rows(model: CurrentModel, panel: Panel, survey: Survey, residual: FloatArray) -> BoolArray:
@@ -32,31 +37,27 @@ def unsure_rows(model: CurrentModel, panel: Panel, survey: Survey, residual: Flo
     """
     slow = np.abs(panel.velocity) < TURNED * survey.smoothing
     found = np.zeros(slow.shape, dtype=bool)
-    noise = velocity_noise(model, panel)
+    noise = panel.gather(lambda block: velocity_noise(model, block))
     for term in model.terms:
         if isinstance(term.effect, Coulomb):
             j = term.effect.at
             moving = residual[~slow[:, j], j]
-            shaken = abs(float(term.coefficients[0])) * noise[j] / survey.smoothing[j]
-            if len(moving) > 0 and shaken > WORST * np.sqrt(np.mean(moving**2)):
-                found[:, j] = slow[:, j]
+            if len(moving) > 0:
+                shaken = abs(float(term.coefficients[0])) * noise[:, j] / survey.smoothing[j]
+                found[:, j] = slow[:, j] & (shaken > WORST * np.sqrt(np.mean(moving**2)))
     return found
 
 
-def velocity_noise(model: CurrentModel, panel: Panel) -> FloatArray:
-    """Standard deviation (n,) of the noise in the velocities used, from what the filter took away.
+def velocity_noise(model: CurrentModel, block: Block) -> FloatArray:
+    """Standard deviation (N, n) of the noise in the velocities used, from what the filter took away around each row.
 
     That is taken for white; its share below the cut-off, or of positions its derivative's, follows.
     """
-    cutoff, rate = model.cutoff, panel.blocks[0].log.rate
-    logged = not model.positions_only and all(block.log.dq is not None for block in panel.blocks)
-    if logged:
-        removed = np.concatenate([(b.log.dq - b.motion.dq)[b.keep] for b in panel.blocks])  # type: ignore[operator]
-        share = min(2.0 * cutoff / rate, 0.9)
-        return np.asarray(_spread(removed) * np.sqrt(share / (1.0 - share)))
-    return derivative_noise(_spread(np.concatenate([b.removed for b in panel.blocks])), cutoff, rate)
-
-
-def _spread(values: FloatArray) -> FloatArray:
-    """Standard deviation (n,) of most of the values (N, n): quick motion is no noise."""
-    return np.asarray(1.4826 * np.median(np.abs(values), axis=0))
+    cutoff, rate = model.cutoff, block.log.rate
+    share = min(2.0 * cutoff / rate, 0.9)
+    logged = None if model.positions_only else block.log.dq
+    removed = block.log.q - block.motion.q if logged is None else logged - block.motion.dq
+    around = max(3, round(AROUND * rate))
+    square = uniform_filter1d(np.nan_to_num(removed) ** 2, around, axis=0, mode="nearest")
+    noise = np.sqrt(np.maximum(square, 0.0) / (1.0 - share))
+    return derivative_noise(noise, cutoff, rate) if logged is None else np.asarray(noise * np.sqrt(share))

