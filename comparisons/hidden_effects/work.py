@@ -98,7 +98,7 @@ def _problem(task: Task | MeasuredTask) -> tuple[Truth, Problem]:
     made = make(task.case)
     changed = task.case.changed
     model = baseline_model(made.robot, made.clean if changed else made.train)
-    ideal = model if changed else baseline_model(made.robot, made.plain[:3])
+    ideal = baseline_model(made.robot, made.plain[:3]) if task.case.hidden and not changed else model
     known = evidence([ideal], made.plain[3:]).after
     problem = Problem(model, made.train, made.test, not changed, task.case)
     return truth_of(task.case, made, task.kind, task.name, known), problem

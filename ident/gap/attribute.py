@@ -126,8 +126,11 @@ class Search:
         """The joint."""
         return self.gap.joint
 
-    def winner(self, panel: Panel, looks: int) -> Named | None:
-        """The best candidate that passes the gate, if there is one; ``looks`` joints share the level."""
+    def winner(self, panel: Panel, looks: int, certain: bool = True) -> Named | None:
+        """The best candidate that passes the gate, if there is one; ``looks`` joints share the level.
+
+        Unless it must be ``certain``, it need not hold everywhere: what it lacks, other causes may bring.
+        """
         for trial in self.trials:
             assert trial.errors is not None
             gained = gain(self.before.total, trial.errors.total)
@@ -138,11 +141,17 @@ class Search:
             if not self._worth(columns, trial, gained):
                 continue
             p_value = self.p_value(columns, looks)
-            if p_value > LEVEL or not np.all(trial.errors.held_out < self.before.held_out):
-                continue
-            if self._harmless(columns) and self._shrinks(panel, trial) and self._repeats(panel, trial):
+            if p_value <= LEVEL and (not certain or self.holds(panel, trial)):
                 return Named(trial, p_value, explained, self.trials)
         return None
+
+    def holds(self, panel: Panel, trial: Trial) -> bool:
+        """Whether a candidate helps in every fold, at rest and in motion, without nuisance, and by any fold's shape."""
+        assert trial.errors is not None
+        if not np.all(trial.errors.held_out < self.before.held_out):
+            return False
+        columns = admissible(panel, self.problem, trial.effect, trial.shape, self.joint)
+        return self._harmless(columns) and self._shrinks(panel, trial) and self._repeats(panel, trial)
 
     def p_value(self, columns: FloatArray, looks: int) -> float:
         """Chance of so good a candidate as columns (N, k) where there is nothing, on any of ``looks`` joints."""
@@ -206,27 +215,56 @@ def nested_errors(panel: Panel, gap: JointGap, named: Sequence[Trial], effect: E
     return held_out
 
 
-def attribute(panel: Panel, survey: Survey, gap: JointGap, first: Search | None = None) -> list[Named]:
-    """Name the effects that a joint lacks, in the order in which they were found.
+def attribute(panel: Panel, survey: Survey, first: Search) -> Search:
+    """Name the effects that a joint lacks, in the order in which they were found; the search beside all of them.
+
+    Where none of those left holds everywhere, the best of them is tried beside others yet to be found; all of them
+    are named if, beside one another, each does.
 
     Args:
         panel: the rows.
         survey: facts about the logs.
-        gap: the joint's rows before anything is named.
-        first: the search with nothing named, where it was made already.
+        first: the joint's search with nothing named.
     """
-    named: list[Named] = []
-    effects = forms(survey, gap.joint, gap.present)
-    for number in range(MOST):
-        tried = first if first is not None and number == 0 else search(panel, gap, effects, named)
-        found = tried.winner(panel, panel.robot.n)
-        if found is None:
-            break
+    gap = first.gap
+    last = _grown(panel, survey, first)
+    bold = last.winner(panel, panel.robot.n, certain=False) if len(last.named) < MOST - 1 else None
+    if bold is not None:
+        more = _grown(panel, survey, search_beside(panel, survey, gap, [*last.named, bold]))
+        enough = len(more.named) > len(last.named) + 1
+        if enough and all(_holds_beside(panel, gap, one, more.named) for one in more.named):
+            return more
+    return last
+
+
+def search_beside(panel: Panel, survey: Survey, gap: JointGap, named: Sequence[Named]) -> Search:
+    """Try what a joint does not have yet, besides what is named."""
+    taken = {_kind(n.effect) for n in named}
+    effects = [e for e in forms(survey, gap.joint, gap.present) if _kind(e) not in taken]
+    return search(panel, gap, effects, named)
+
+
+def _grown(panel: Panel, survey: Survey, tried: Search) -> Search:
+    """Add effects to those named while one passes; return the search in which none does."""
+    gap, named = tried.gap, list(tried.named)
+    while len(named) < MOST and (found := tried.winner(panel, panel.robot.n)) is not None:
         named.append(found)
-        effects = [e for e in effects if _kind(e) != _kind(found.effect)]
         if len(named) > 1:
             named = _swapped(panel, gap, named)
-    return _pruned(panel, gap, named)
+        tried = search_beside(panel, survey, gap, named)
+    kept = _pruned(panel, gap, named)
+    return tried if len(kept) == len(named) else search_beside(panel, survey, gap, kept)
+
+
+def _holds_beside(panel: Panel, gap: JointGap, one: Named, named: Sequence[Named]) -> bool:
+    """Whether an effect passes with all the others in place."""
+    others = [n for n in named if n is not one]
+    problem = gap.problem(panel, [n.trial for n in others])
+    trial, before = with_errors(panel, problem, one.trial, gap.joint), problem.errors()
+    assert trial.errors is not None
+    beside = Search(gap, tuple(others), problem, gate_of(panel, problem, gap.joint), (trial,), before)
+    enough = gain(before.total, trial.errors.total) > GAIN
+    return enough and not trial.at_bound and beside.holds(panel, trial)
 
 
 def _law_error(effect: Effect, named: Sequence[Named]) -> float:

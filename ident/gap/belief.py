@@ -21,12 +21,12 @@ from ident.gap.wander import wandering
 ENOUGH, CERTAIN = 2.0, 8.0
 """Names of a joint must explain this many times what could still be explained after them; else none is given.
 
-Between the two they are given if their coefficients are the same all over the logs. Of what follows the clock alone,
-which no motion repeats, they must explain the greater.
+Between the two their coefficients must be the more constant all over the logs. Of what follows the clock alone, which
+no motion repeats, they must explain the greater.
 """
 
-CONSTANT = 0.03
-"""Share of what names explain that varying their coefficients may add."""
+CONSTANT, STEADY = 0.06, 0.03
+"""Share of what names explain that varying their coefficients may add; the second where they explain less."""
 
 FAST, FEW = 3, 0.1
 """First class of speed that is no creeping; share of rows below it without which none is looked for in them alone."""
@@ -46,10 +46,10 @@ def believed(panel: Panel, survey: Survey, gap: JointGap, named: list[Named]) ->
     if explained < CERTAIN * _wandering(panel, after) * squares:
         return []
     rest = left * squares
-    if explained >= CERTAIN * rest:
-        return named
-    constant = explained >= ENOUGH * rest and inconstancy(panel, survey, gap, named) <= CONSTANT
-    return named if constant else []
+    if explained < ENOUGH * rest:
+        return []
+    allowed = CONSTANT if explained >= CERTAIN * rest else STEADY
+    return named if inconstancy(panel, survey, gap, named) <= allowed else []
 
 
 def unexplained(panel: Panel, survey: Survey, gap: JointGap, named: Sequence[Named]) -> list[Unexplained]:

@@ -39,7 +39,14 @@ class Panel:
         return len(self.fold)
 
     def columns(self, effect: Effect, shape: FloatArray, joint: int) -> FloatArray:
-        """Columns (N, k) of an effect in a joint's rows."""
+        """Columns (N, k) of an effect in a joint's rows; those without shape are kept, being asked for often."""
+        if len(effect.shapes) > 0 or not _hashable(effect):
+            return self._columns(effect, shape, joint)
+        if (effect, joint) not in self._kept:
+            self._kept[effect, joint] = self._columns(effect, shape, joint)
+        return self._kept[effect, joint]
+
+    def _columns(self, effect: Effect, shape: FloatArray, joint: int) -> FloatArray:
         if effect.start().size == 0:
             return effect.row(self._looked_at, shape, effect.start(), joint)
         # An effect that remembers must see the rows between.
@@ -48,6 +55,10 @@ class Panel:
             for context, rows in zip(self.contexts, self.rows, strict=True)
         ]
         return np.concatenate(parts)
+
+    @cached_property
+    def _kept(self) -> dict[tuple[Effect, int], FloatArray]:
+        return {}
 
     @cached_property
     def _looked_at(self) -> Context:
@@ -86,3 +97,11 @@ class Panel:
         """Numbers of the rows looked at with which each block begins."""
         counts = [len(rows) for rows in self.rows]
         return np.concatenate([[0], np.cumsum(counts)[:-1]]).astype(np.int64)
+
+
+def _hashable(effect: Effect) -> bool:
+    try:
+        hash(effect)
+    except TypeError:
+        return False
+    return True

@@ -10,7 +10,7 @@ import numpy as np
 from ident.arrays import FloatArray
 from ident.effects.base import Effect, Survey
 from ident.gap.abstain import explainable
-from ident.gap.attribute import GAIN, LEVEL, RIVAL_LAW, JointGap, Search
+from ident.gap.attribute import GAIN, LEVEL, RIVAL_LAW, Search
 from ident.gap.belief import CERTAIN
 from ident.gap.candidates import at_bound, climb, forms, grid
 from ident.gap.panel import Panel
@@ -58,9 +58,7 @@ class Whole:
         return self.likelihood * (1.0 - RIVAL_LAW if at_bound(self.effect, self.shape) else 1.0)
 
 
-def whole_effect(
-    panel: Panel, survey: Survey, gaps: Sequence[JointGap], searches: Sequence[Search], present: Sequence[Effect]
-) -> Whole | None:
+def whole_effect(panel: Panel, survey: Survey, searches: Sequence[Search], present: Sequence[Effect]) -> Whole | None:
     """The best cause of the whole robot, if it explains about as much as single joints' effects."""
     problems = [search.problem for search in searches]
     before = np.array([p.errors().held_out for p in problems])
@@ -142,7 +140,7 @@ def _try(panel: Panel, problems: Sequence[JointProblem], effect: Effect, before:
 
     tried = [one for one in map(at, grid(effect.shapes)) if one is not None]
     best = max(tried, key=lambda one: one.likelihood, default=None)
-    if best is None or not effect.shapes:
+    if best is None or not effect.shapes or best.likelihood <= 0.0:
         return best
     return at(climb(likelihood, effect.shapes, best.shape, best.likelihood)[0])
 

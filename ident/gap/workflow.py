@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -11,13 +11,13 @@ from joblib import Parallel, delayed
 from threadpoolctl import threadpool_limits
 
 from ident.arrays import BoolArray, FloatArray
-from ident.effects.base import Term
+from ident.effects.base import Effect, Term
 from ident.errors import InputError
 from ident.fit import Drives, fit
 from ident.gap.abstain import explainable
-from ident.gap.attribute import JointGap, Named, Search, attribute, search
+from ident.gap.attribute import JointGap, Named, Search, attribute, search_beside
 from ident.gap.belief import WORTH_SAYING, believed, unexplained
-from ident.gap.candidates import Trial, coefficients, forms
+from ident.gap.candidates import Trial, coefficients
 from ident.gap.edge import edge_columns
 from ident.gap.evidence import evidence, negative_control
 from ident.gap.experiment import Experiment, Joined, Question, separating, with_motion
@@ -125,23 +125,59 @@ class _Workflow:
         p_values = np.array([one.least_p_value(self.panel, self.model.n) for one in searches])
         self.tell("trying effects", 0.5)
         for _ in range(2):
-            present = [*(t.effect for t in self.model.terms if t.effect.joint is None), *(w.effect for w in wholes)]
-            found = whole_effect(self.panel, self.survey, gaps, searches, present)
+            present = [*self.present, *(w.effect for w in wholes)]
+            found = whole_effect(self.panel, self.survey, searches, present)
             if found is None:
                 break
             wholes.append(found)
             gaps = [replace(g, target=g.target - columns_of(self.panel, found, g.joint)) for g in gaps]
             searches = self.searches(gaps)
-        named = Parallel(n_jobs=2, prefer="threads")(
-            delayed(attribute)(self.panel, self.survey, gap, first) for gap, first in zip(gaps, searches, strict=True)
-        )
+        named = self.attributed(searches)
+        beside = self.whole_beside(searches, named, [*self.present, *(w.effect for w in wholes)])
+        if beside is not None:
+            wholes.append(beside)
+            gaps = [replace(g, target=g.target - columns_of(self.panel, beside, g.joint)) for g in gaps]
+            named = self.attributed(self.searches(gaps))
         self.tell("trying effects", 1.0)
-        sure = [believed(self.panel, self.survey, gap, names) for gap, names in zip(gaps, named, strict=True)]
+        sure = [believed(self.panel, self.survey, one.gap, list(one.named)) for one in named]
         return _Causes(wholes, gaps, sure, p_values)
+
+    @property
+    def present(self) -> list[Effect]:
+        """Causes of the whole robot that the model has already."""
+        return [t.effect for t in self.model.terms if t.effect.joint is None]
+
+    def attributed(self, searches: Sequence[Search]) -> list[Search]:
+        """Every joint's search beside its own causes, from those with nothing named."""
+        found: list[Search] = Parallel(n_jobs=2, prefer="threads")(
+            delayed(attribute)(self.panel, self.survey, first) for first in searches
+        )
+        return found
+
+    def whole_beside(self, plain: Sequence[Search], full: Sequence[Search], present: Sequence[Effect]) -> Whole | None:
+        """A cause of the whole robot that shows only once joints' own causes are known, or that one was taken for.
+
+        Args:
+            plain: every joint's search with nothing named.
+            full: the same beside its own causes.
+            present: causes of the whole robot that are known.
+        """
+        tried = self.beside(plain, full) if any(one.named for one in full) else iter(())
+        found = (whole_effect(self.panel, self.survey, searches, present) for searches in tried)
+        return next((one for one in found if one is not None), None)
+
+    def beside(self, plain: Sequence[Search], full: Sequence[Search]) -> Iterator[list[Search]]:
+        """Yield every joint's search beside all that is named, and beside all but one name after the other."""
+        yield list(full)
+        for j, one in enumerate(full):
+            for left_out in one.named:
+                others = [n for n in one.named if n is not left_out]
+                without = search_beside(self.panel, self.survey, one.gap, others) if others else plain[j]
+                yield [*full[:j], without, *full[j + 1 :]]
 
     def searches(self, gaps: Sequence[JointGap]) -> list[Search]:
         found: list[Search] = Parallel(n_jobs=2, prefer="threads")(
-            delayed(search)(self.panel, gap, forms(self.survey, gap.joint, gap.present)) for gap in gaps
+            delayed(search_beside)(self.panel, self.survey, gap, ()) for gap in gaps
         )
         return found
 
