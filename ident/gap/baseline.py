@@ -28,6 +28,9 @@ SMOOTHINGS = np.geomspace(3e-4, 1e-2, 12)
 STEP = 0.7
 """What the cut-off is multiplied by, again and again, while the model predicts better with it."""
 
+WORTH = 0.05
+"""Share by which a step must lower a joint's mean squared error: short logs that repeat a motion flatter filters."""
+
 ROWS_KEPT = 0.95
 """Share of the rows that a lower cut-off must leave: a filter needs more of a segment, the lower it is."""
 
@@ -65,7 +68,10 @@ def baseline_model(
 
 @dataclass(frozen=True, eq=False)
 class _Smoothed:
-    """A model whose signs of velocity turn as the logs ask for, and its held-out error over all joints' rows."""
+    """A model whose signs of velocity turn as the logs ask for, and its held-out error over all joints' rows.
+
+    The error is the sum over joints of the logarithm of its mean square.
+    """
 
     model: CurrentModel
     error: float
@@ -76,7 +82,7 @@ def _followed(best: _Smoothed, factor: float, train: Sequence[LogSource]) -> _Sm
     """The model with its cut-off multiplied by a factor for as long as it predicts better."""
     while best.model.cutoff * factor < HIGHEST * best.model.rate:
         other = _best_velocities(replace(best.model, cutoff=factor * best.model.cutoff), train)
-        if other.error >= best.error or other.rows < ROWS_KEPT * best.rows:
+        if other.error > best.error - WORTH * best.model.n or other.rows < ROWS_KEPT * best.rows:
             break
         best = other
     return best

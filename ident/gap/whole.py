@@ -58,8 +58,18 @@ class Whole:
         return self.likelihood * (1.0 - RIVAL_LAW if at_bound(self.effect, self.shape) else 1.0)
 
 
-def whole_effect(panel: Panel, survey: Survey, searches: Sequence[Search], present: Sequence[Effect]) -> Whole | None:
-    """The best cause of the whole robot, if it explains about as much as single joints' effects."""
+def whole_effect(
+    panel: Panel, survey: Survey, searches: Sequence[Search], present: Sequence[Effect], last: bool = False
+) -> Whole | None:
+    """The best cause of the whole robot, if it explains about as much as single joints' effects.
+
+    Args:
+        panel: the rows.
+        survey: facts about the logs.
+        searches: every joint's search.
+        present: causes of the whole robot that are known.
+        last: whether it must leave next to nothing, since all that joints have of their own is known.
+    """
     problems = [search.problem for search in searches]
     before = np.array([p.errors().held_out for p in problems])
     squares = before.sum(axis=1)
@@ -75,15 +85,15 @@ def whole_effect(panel: Panel, survey: Survey, searches: Sequence[Search], prese
         if len(helped) == 0 or gains.min() < -GAIN:
             continue
         likelihoods = _likelihoods(problems, squares, after)
-        if len(helped) == 1 < panel.robot.n:
-            j = int(helped[0])
-            shown = likelihoods[j] > BEATS * single[j] and _exhausts(panel, survey, problems[j], best, j)
+        if len(helped) == 1 and (last or panel.robot.n > 1):
+            shown = likelihoods[helped[0]] > BEATS * single[helped[0]]
         else:
             rivalled = affected & (likelihoods >= SHARE * single)
             # A joint may have a cause of its own besides.
             most = rivalled.sum() >= max(2, MAJORITY * affected.sum())
             shown = most or likelihoods.sum() >= SHARE * single.sum()
-        if not shown:
+        alone = last or len(helped) == 1 < panel.robot.n
+        if not shown or (alone and not all(_exhausts(panel, survey, problems[j], best, j) for j in helped.tolist())):
             continue
         p_value = _p_value(panel, best, searches)
         if p_value <= LEVEL:

@@ -163,7 +163,7 @@ class _Workflow:
             present: causes of the whole robot that are known.
         """
         tried = self.beside(plain, full) if any(one.named for one in full) else iter(())
-        found = (whole_effect(self.panel, self.survey, searches, present) for searches in tried)
+        found = (whole_effect(self.panel, self.survey, searches, present, last=True) for searches in tried)
         return next((one for one in found if one is not None), None)
 
     def beside(self, plain: Sequence[Search], full: Sequence[Search]) -> Iterator[list[Search]]:
