@@ -143,7 +143,9 @@ def _(s: Scene, j: int, a: float, rng: np.random.Generator) -> tuple[FloatArray,
         level = 0.0 if s.start[k] else level + dt[k] / seconds * (power[k] / usual - level)
         heat[k] = level
     a = min(a, 0.7)  # friction is not turned round
-    return on(s, j, -a * own * heat / (0.5 + 0.5 * heat)), {"share": a, "seconds": seconds}
+    warm = float(power.mean()) / usual
+    share = a * warm / (0.5 + 0.5 * warm)
+    return on(s, j, -a * own * heat / (0.5 + 0.5 * heat)), {"share": share, "seconds": seconds}
 
 
 @law("maxwell-slip")
