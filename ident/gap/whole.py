@@ -59,7 +59,12 @@ class Whole:
 
 
 def whole_effect(
-    panel: Panel, survey: Survey, searches: Sequence[Search], present: Sequence[Effect], last: bool = False
+    panel: Panel,
+    survey: Survey,
+    searches: Sequence[Search],
+    present: Sequence[Effect],
+    last: bool = False,
+    instead: Effect | None = None,
 ) -> Whole | None:
     """The best cause of the whole robot, if it explains about as much as single joints' effects.
 
@@ -69,6 +74,8 @@ def whole_effect(
         searches: every joint's search.
         present: causes of the whole robot that are known.
         last: whether it must leave next to nothing, since all that joints have of their own is known.
+        instead: an effect of one joint that the searches leave out. Of its own kind (a delay of one joint, or of all)
+            a cause of the whole robot need only explain more in all than that on its joint: the others bear it out.
     """
     problems = [search.problem for search in searches]
     before = np.array([p.errors().held_out for p in problems])
@@ -85,7 +92,9 @@ def whole_effect(
         if len(helped) == 0 or gains.min() < -GAIN:
             continue
         likelihoods = _likelihoods(problems, squares, after)
-        if len(helped) == 1 and (last or panel.robot.n > 1):
+        if instead is not None and type(best.effect) is type(instead):
+            shown = likelihoods.sum() > single[instead.at]
+        elif len(helped) == 1 and (last or panel.robot.n > 1):
             shown = likelihoods[helped[0]] > BEATS * single[helped[0]]
         else:
             rivalled = affected & (likelihoods >= SHARE * single)

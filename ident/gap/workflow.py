@@ -163,17 +163,17 @@ class _Workflow:
             present: causes of the whole robot that are known.
         """
         tried = self.beside(plain, full) if any(one.named for one in full) else iter(())
-        found = (whole_effect(self.panel, self.survey, searches, present, last=True) for searches in tried)
+        found = (whole_effect(self.panel, self.survey, searches, present, True, out) for searches, out in tried)
         return next((one for one in found if one is not None), None)
 
-    def beside(self, plain: Sequence[Search], full: Sequence[Search]) -> Iterator[list[Search]]:
-        """Yield every joint's search beside all that is named, and beside all but one name after the other."""
-        yield list(full)
+    def beside(self, plain: Sequence[Search], full: Sequence[Search]) -> Iterator[tuple[list[Search], Effect | None]]:
+        """Yield every joint's search beside all that is named, and beside all but one name, with that, in turn."""
+        yield list(full), None
         for j, one in enumerate(full):
             for left_out in one.named:
                 others = [n for n in one.named if n is not left_out]
                 without = search_beside(self.panel, self.survey, one.gap, others) if others else plain[j]
-                yield [*full[:j], without, *full[j + 1 :]]
+                yield [*full[:j], without, *full[j + 1 :]], left_out.effect
 
     def searches(self, gaps: Sequence[JointGap]) -> list[Search]:
         found: list[Search] = Parallel(n_jobs=2, prefer="threads")(
