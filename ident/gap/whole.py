@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ident.arrays import FloatArray
+from ident.arrays import BoolArray, FloatArray
 from ident.effects.base import Effect, Survey
 from ident.gap.abstain import explainable
 from ident.gap.attribute import GAIN, LEVEL, RIVAL_LAW, Search
@@ -92,22 +92,28 @@ def whole_effect(
         if len(helped) == 0 or gains.min() < -GAIN:
             continue
         likelihoods = _likelihoods(problems, squares, after)
+        alone = len(helped) == 1 and (last or panel.robot.n > 1)
         if instead is not None and type(best.effect) is type(instead):
-            shown = likelihoods.sum() > single[instead.at]
-        elif len(helped) == 1 and (last or panel.robot.n > 1):
-            shown = likelihoods[helped[0]] > BEATS * single[helped[0]]
+            shown = bool(likelihoods.sum() > single[instead.at])
+        elif alone:
+            shown = bool(likelihoods[helped[0]] > BEATS * single[helped[0]])
         else:
-            rivalled = affected & (likelihoods >= SHARE * single)
-            # A joint may have a cause of its own besides.
-            most = rivalled.sum() >= max(2, MAJORITY * affected.sum())
-            shown = most or likelihoods.sum() >= SHARE * single.sum()
-        alone = last or len(helped) == 1 < panel.robot.n
-        if not shown or (alone and not all(_exhausts(panel, survey, problems[j], best, j) for j in helped.tolist())):
+            shown = _rivals(likelihoods, single, affected)
+        if shown and (alone or last):
+            shown = all(_exhausts(panel, survey, problems[j], best, j) for j in helped.tolist())
+        if not shown:
             continue
         p_value = _p_value(panel, best, searches)
         if p_value <= LEVEL:
             return replace(best, p_value=p_value, alternatives=_alternatives(best, ranking))
     return None
+
+
+def _rivals(likelihoods: FloatArray, single: FloatArray, affected: BoolArray) -> bool:
+    """Whether it explains nearly what joints' best effects do, on most of the joints that lack something or in all."""
+    # A joint may have a cause of its own besides.
+    most = (affected & (likelihoods >= SHARE * single)).sum() >= max(2, MAJORITY * affected.sum())
+    return bool(most or likelihoods.sum() >= SHARE * single.sum())
 
 
 def _alternatives(best: Whole, ranking: Sequence[Whole]) -> tuple[str, ...]:
