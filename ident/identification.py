@@ -258,7 +258,7 @@ def _smoothing(held: Sequence[Block], cutoff: float) -> FloatArray:
 
     What the filter took from the position is taken for white noise; its derivative below the cut-off follows.
     """
-    removed = np.concatenate([block.removed for block in held])
+    removed = np.concatenate([block.removed[block.keep] for block in held])
     noise = derivative_noise(removed.std(axis=0), cutoff, held[0].log.rate)
     return np.asarray(np.clip(3.0 * noise, 0.1 * SMOOTHING, SMOOTHING))
 

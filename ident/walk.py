@@ -43,8 +43,8 @@ class Block:
 
     @property
     def removed(self) -> FloatArray:
-        """What the filter took from the positions of the rows to learn from, (M, n)."""
-        return (self.log.q - self.motion.q)[self.keep]
+        """What the filter took from the positions, (N, n)."""
+        return self.log.q - self.motion.q
 
 
 def walk(source: LogSource, cutoff: float, rows: int = ROWS) -> Iterator[Block]:

@@ -12,10 +12,10 @@ from ident.compiled import compiled
 from ident.effects.base import Coefficient, Context, Effect, Shape, Survey
 from ident.effects.friction import VelocityEffect
 
-Heat = TypeVar("Heat", float, FloatArray)
-
 if TYPE_CHECKING:
     from ident.robot import Robot
+
+Heat = TypeVar("Heat", float, FloatArray)
 
 
 @dataclass(frozen=True)

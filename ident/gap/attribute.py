@@ -141,17 +141,15 @@ class Search:
             if not self._worth(columns, trial, gained):
                 continue
             p_value = self.p_value(columns, looks)
-            if p_value <= LEVEL and (not certain or self.holds(panel, trial)):
+            if p_value <= LEVEL and (not certain or self.holds(panel, trial, columns)):
                 return Named(trial, p_value, explained, self.trials)
         return None
 
-    def holds(self, panel: Panel, trial: Trial) -> bool:
+    def holds(self, panel: Panel, trial: Trial, columns: FloatArray) -> bool:
         """Whether a candidate helps in every fold, at rest and in motion, without nuisance, and by any fold's shape."""
         assert trial.errors is not None
-        if not np.all(trial.errors.held_out < self.before.held_out):
-            return False
-        columns = admissible(panel, self.problem, trial.effect, trial.shape, self.joint)
-        return self._harmless(columns) and self._shrinks(panel, trial) and self._repeats(panel, trial)
+        everywhere = bool(np.all(trial.errors.held_out < self.before.held_out)) and self._harmless(columns)
+        return everywhere and self._shrinks(panel, trial) and self._repeats(panel, trial)
 
     def p_value(self, columns: FloatArray, looks: int) -> float:
         """Chance of so good a candidate as columns (N, k) where there is nothing, on any of ``looks`` joints."""
@@ -195,8 +193,10 @@ class Search:
         return bool(-samples * np.log(1.0 - gained) > PRICE * price)
 
 
-def search(panel: Panel, gap: JointGap, effects: Sequence[Effect], named: Sequence[Named] = ()) -> Search:
-    """Try effects on a joint, besides those named."""
+def search(panel: Panel, survey: Survey, gap: JointGap, named: Sequence[Named] = ()) -> Search:
+    """Try what a joint does not have yet, besides what is named."""
+    taken = {_kind(n.effect) for n in named}
+    effects = [e for e in forms(survey, gap.joint, gap.present) if _kind(e) not in taken]
     problem = gap.problem(panel, [n.trial for n in named])
     gate = gate_of(panel, problem, gap.joint)
     trials = best_trials(panel, gate, effects, gap.joint)
@@ -230,18 +230,11 @@ def attribute(panel: Panel, survey: Survey, first: Search) -> Search:
     last = _grown(panel, survey, first)
     bold = last.winner(panel, panel.robot.n, certain=False) if len(last.named) < MOST - 1 else None
     if bold is not None:
-        more = _grown(panel, survey, search_beside(panel, survey, gap, [*last.named, bold]))
+        more = _grown(panel, survey, search(panel, survey, gap, [*last.named, bold]))
         enough = len(more.named) > len(last.named) + 1
         if enough and all(_holds_beside(panel, gap, one, more.named) for one in more.named):
             return more
     return last
-
-
-def search_beside(panel: Panel, survey: Survey, gap: JointGap, named: Sequence[Named]) -> Search:
-    """Try what a joint does not have yet, besides what is named."""
-    taken = {_kind(n.effect) for n in named}
-    effects = [e for e in forms(survey, gap.joint, gap.present) if _kind(e) not in taken]
-    return search(panel, gap, effects, named)
 
 
 def _grown(panel: Panel, survey: Survey, tried: Search) -> Search:
@@ -251,9 +244,9 @@ def _grown(panel: Panel, survey: Survey, tried: Search) -> Search:
         named.append(found)
         if len(named) > 1:
             named = _swapped(panel, gap, named)
-        tried = search_beside(panel, survey, gap, named)
+        tried = search(panel, survey, gap, named)
     kept = _pruned(panel, gap, named)
-    return tried if len(kept) == len(named) else search_beside(panel, survey, gap, kept)
+    return tried if len(kept) == len(named) else search(panel, survey, gap, kept)
 
 
 def _holds_beside(panel: Panel, gap: JointGap, one: Named, named: Sequence[Named]) -> bool:
@@ -263,8 +256,9 @@ def _holds_beside(panel: Panel, gap: JointGap, one: Named, named: Sequence[Named
     trial, before = with_errors(panel, problem, one.trial, gap.joint), problem.errors()
     assert trial.errors is not None
     beside = Search(gap, tuple(others), problem, gate_of(panel, problem, gap.joint), (trial,), before)
-    enough = gain(before.total, trial.errors.total) > GAIN
-    return enough and not trial.at_bound and beside.holds(panel, trial)
+    if gain(before.total, trial.errors.total) <= GAIN or trial.at_bound:
+        return False
+    return beside.holds(panel, trial, admissible(panel, problem, trial.effect, trial.shape, gap.joint))
 
 
 def _law_error(effect: Effect, named: Sequence[Named]) -> float:

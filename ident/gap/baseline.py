@@ -24,7 +24,6 @@ EFFECTS = ("coulomb", "viscous", "current-offset", "rotor-inertia")
 SMOOTHINGS = np.geomspace(3e-4, 1e-2, 12)
 """Speeds [rad/s or m/s] over which the sign of velocity may turn; beyond, it is an effect of its own (sigmoid)."""
 
-
 STEP = 0.7
 """What the cut-off is multiplied by, again and again, while the model predicts better with it."""
 
@@ -56,10 +55,11 @@ def baseline_model(
         progress: told what is being done and the share of it that is done.
     """
     found = identify(robot, train, cutoff=cutoff, effects=EFFECTS, progress=progress)
-    best = _best_velocities(found.model, train)
+    logged = any(block.dq is not None for source in train for block in itertools.islice(source.blocks(2), 1))
+    best = _best_velocities(found.model, train, logged)
     if cutoff is None:
-        lower = _followed(best, STEP, train)
-        best = lower if lower is not best else _followed(best, 1.0 / STEP, train)
+        lower = _followed(best, STEP, train, logged)
+        best = lower if lower is not best else _followed(best, 1.0 / STEP, train, logged)
     effects = [term.effect for term in best.model.terms]
     views = [best.model.view(source) for source in train]
     fitted = fit(robot, effects, views, best.model.cutoff, Drives(best.model.gain, best.model.force_unit)).model
@@ -78,20 +78,20 @@ class _Smoothed:
     rows: int
 
 
-def _followed(best: _Smoothed, factor: float, train: Sequence[LogSource]) -> _Smoothed:
+def _followed(best: _Smoothed, factor: float, train: Sequence[LogSource], logged: bool) -> _Smoothed:
     """The model with its cut-off multiplied by a factor for as long as it predicts better."""
     while best.model.cutoff * factor < HIGHEST * best.model.rate:
-        other = _best_velocities(replace(best.model, cutoff=factor * best.model.cutoff), train)
+        other = _best_velocities(replace(best.model, cutoff=factor * best.model.cutoff), train, logged)
         if other.error > best.error - WORTH * best.model.n or other.rows < ROWS_KEPT * best.rows:
             break
         best = other
     return best
 
 
-def _best_velocities(model: CurrentModel, train: Sequence[LogSource]) -> _Smoothed:
-    """The model with velocities as logged or from positions: logged ones may be the noisier."""
+def _best_velocities(model: CurrentModel, train: Sequence[LogSource], logged: bool) -> _Smoothed:
+    """The model with velocities from positions or, where there are any, as logged: those may be the noisier."""
     tried = [_smoothed(replace(model, positions_only=False), train)]
-    if any(block.dq is not None for source in train for block in itertools.islice(source.blocks(2), 1)):
+    if logged:
         tried.append(_smoothed(replace(model, positions_only=True), train))
     return min(tried, key=lambda one: one.error)
 

@@ -56,7 +56,7 @@ def velocity_noise(model: CurrentModel, block: Block) -> FloatArray:
     cutoff, rate = model.cutoff, block.log.rate
     share = min(2.0 * cutoff / rate, 0.9)
     logged = None if model.positions_only else block.log.dq
-    removed = block.log.q - block.motion.q if logged is None else logged - block.motion.dq
+    removed = block.removed if logged is None else logged - block.motion.dq
     around = max(3, round(AROUND * rate))
     square = uniform_filter1d(np.nan_to_num(removed) ** 2, around, axis=0, mode="nearest")
     noise = np.sqrt(np.maximum(square, 0.0) / (1.0 - share))

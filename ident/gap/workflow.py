@@ -15,7 +15,7 @@ from ident.effects.base import Effect, Term
 from ident.errors import InputError
 from ident.fit import Drives, fit
 from ident.gap.abstain import explainable
-from ident.gap.attribute import JointGap, Named, Search, attribute, search_beside
+from ident.gap.attribute import JointGap, Named, Search, attribute, search
 from ident.gap.belief import WORTH_SAYING, believed, unexplained
 from ident.gap.candidates import Trial, coefficients
 from ident.gap.edge import edge_columns
@@ -125,27 +125,29 @@ class _Workflow:
         p_values = np.array([one.least_p_value(self.panel, self.model.n) for one in searches])
         self.tell("trying effects", 0.5)
         for _ in range(2):
-            present = [*self.present, *(w.effect for w in wholes)]
-            found = whole_effect(self.panel, self.survey, searches, present)
+            found = whole_effect(self.panel, self.survey, searches, self.known(wholes))
             if found is None:
                 break
             wholes.append(found)
-            gaps = [replace(g, target=g.target - columns_of(self.panel, found, g.joint)) for g in gaps]
+            gaps = self.without(gaps, found)
             searches = self.searches(gaps)
         named = self.attributed(searches)
-        beside = self.whole_beside(searches, named, [*self.present, *(w.effect for w in wholes)])
+        beside = self.whole_beside(searches, named, self.known(wholes))
         if beside is not None:
             wholes.append(beside)
-            gaps = [replace(g, target=g.target - columns_of(self.panel, beside, g.joint)) for g in gaps]
+            gaps = self.without(gaps, beside)
             named = self.attributed(self.searches(gaps))
         self.tell("trying effects", 1.0)
         sure = [believed(self.panel, self.survey, one.gap, list(one.named)) for one in named]
         return _Causes(wholes, gaps, sure, p_values)
 
-    @property
-    def present(self) -> list[Effect]:
-        """Causes of the whole robot that the model has already."""
-        return [t.effect for t in self.model.terms if t.effect.joint is None]
+    def known(self, wholes: Sequence[Whole]) -> list[Effect]:
+        """Causes of the whole robot that the model has, and those found."""
+        return [*(t.effect for t in self.model.terms if t.effect.joint is None), *(w.effect for w in wholes)]
+
+    def without(self, gaps: Sequence[JointGap], whole: Whole) -> list[JointGap]:
+        """Every joint's rows with a cause of the whole robot taken away."""
+        return [replace(g, target=g.target - columns_of(self.panel, whole, g.joint)) for g in gaps]
 
     def attributed(self, searches: Sequence[Search]) -> list[Search]:
         """Every joint's search beside its own causes, from those with nothing named."""
@@ -162,8 +164,12 @@ class _Workflow:
             full: the same beside its own causes.
             present: causes of the whole robot that are known.
         """
-        tried = self.beside(plain, full) if any(one.named for one in full) else iter(())
-        found = (whole_effect(self.panel, self.survey, searches, present, True, out) for searches, out in tried)
+        if not any(one.named for one in full):
+            return None
+        found = (
+            whole_effect(self.panel, self.survey, searches, present, last=True, instead=left_out)
+            for searches, left_out in self.beside(plain, full)
+        )
         return next((one for one in found if one is not None), None)
 
     def beside(self, plain: Sequence[Search], full: Sequence[Search]) -> Iterator[tuple[list[Search], Effect | None]]:
@@ -172,12 +178,12 @@ class _Workflow:
         for j, one in enumerate(full):
             for left_out in one.named:
                 others = [n for n in one.named if n is not left_out]
-                without = search_beside(self.panel, self.survey, one.gap, others) if others else plain[j]
+                without = search(self.panel, self.survey, one.gap, others) if others else plain[j]
                 yield [*full[:j], without, *full[j + 1 :]], left_out.effect
 
     def searches(self, gaps: Sequence[JointGap]) -> list[Search]:
         found: list[Search] = Parallel(n_jobs=2, prefer="threads")(
-            delayed(search_beside)(self.panel, self.survey, gap, ()) for gap in gaps
+            delayed(search)(self.panel, self.survey, gap) for gap in gaps
         )
         return found
 
