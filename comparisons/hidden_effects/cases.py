@@ -34,6 +34,9 @@ WHOLE_ROBOT = ("payload", "base-tilt", "delay", "filter-lag")
 CHANGES = ("payload", "drive-gain", "rotor-inertia", "current-offset")
 """Effects that a refitted baseline absorbs: they show against a model that was identified before the change."""
 
+SLOWEST_TURN = 1e-2
+"""Speed [rad/s] over which the baseline's sign of velocity turns at most."""
+
 
 @dataclass(frozen=True)
 class Hidden:
@@ -221,7 +224,9 @@ class Maker:
         rows = []
         for s in scenes:
             links = self.robot.rigid_body.regressor(s.q, s.dq, s.ddq)[:, j, columns]
-            own = [sign(s.dq[:, j]), s.dq[:, j], s.ddq[:, j], np.ones(len(s.t))]
+            v = s.dq[:, j]
+            # The baseline chooses over which speed its sign of velocity turns.
+            own = [sign(v), sign(v, SLOWEST_TURN), v, s.ddq[:, j], np.ones(len(s.t))]
             rows.append(np.column_stack([links, *own]))
         matrix = np.vstack(rows)
         matrix /= np.linalg.norm(matrix, axis=0)

@@ -212,9 +212,11 @@ def _(s: Scene, j: int, a: float, rng: np.random.Generator) -> tuple[FloatArray,
 
 @law("torque-saturation")
 def _(s: Scene, j: int, a: float, rng: np.random.Generator) -> tuple[FloatArray, dict[str, float]]:
-    known, largest = s.known[:, j], np.abs(s.known[:, j]).max()
-    square = (known / largest) ** 2
-    return on(s, j, a * known * 2.0 * square / (1.0 + square)), {"share": a / (1.0 + a)}
+    # The iron is the same in all logs: it saturates at a torque of the joint's, not of what a log happens to reach.
+    known, knee = s.known[:, j], 8.0 * s.coulomb[j]
+    square = (known / knee) ** 2
+    missing = 2.0 * a * square / (1.0 + square)
+    return on(s, j, known * missing), {"share": float(missing.max() / (1.0 + missing.max()))}
 
 
 @law("sensor-drift")

@@ -5,17 +5,24 @@ from __future__ import annotations
 import zlib
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
+from functools import cache
 from typing import Any, Literal
 
 import numpy as np
 
 from comparisons.hidden_effects.cases import CHANGES, WHOLE_ROBOT, Case, Hidden, robot_of
 from comparisons.hidden_effects.laws import FOREIGN, LAWS
+from comparisons.virtual_robot.figures import link_torque, usual_torque
+from ident.arrays import BoolArray
 
 KINDS = ("single", "changed", "pair", "triple", "nothing", "foreign")
 """Sets of cases; ``changed`` are single effects that show only against a model identified before."""
 
 STRUCTURAL = tuple(name for name in LAWS if name not in CHANGES)
+
+OF_LOAD, CARRIES = ("backlash", "elasticity", "load-friction"), 0.1
+"""Effects that act through a joint's load, and the share of its usual torque that the links must ask for: on a joint
+that carries nothing they reach a severity only if springs wind up by radians, or more load is lost than there is."""
 
 
 @dataclass(frozen=True)
@@ -85,12 +92,26 @@ def _singles(kind: str, effects: Sequence[str], sizes: Sizes, seed: int) -> Iter
         first = zlib.crc32(effect.encode()) + seed
         for number in range(sizes.per_effect):
             robot = sizes.robots[(first + number) % len(sizes.robots)]
-            joint = (first // 7 + 2 * number) % robot_of(robot).n
+            joint = _joint(effect, robot, first // 7 + 2 * number)
             for severity in sizes.severities:
-                hidden = Hidden(effect, None if effect in WHOLE_ROBOT else joint, severity)
+                hidden = Hidden(effect, joint, severity)
                 style = sizes.styles[(first // 3 + number) % len(sizes.styles)]
                 case = Case(robot, (hidden,), 1000 * seed + number, changed=effect in CHANGES, style=style)
                 yield Task(kind, case)
+
+
+def _joint(effect: str, robot: str, first: int) -> int | None:
+    """The first joint, from one on, that could have an effect; None for an effect of the whole robot."""
+    if effect in WHOLE_ROBOT:
+        return None
+    able = np.ones(robot_of(robot).n, dtype=bool) if effect not in OF_LOAD else _carrying(robot)
+    return next(j for k in range(len(able)) if able[j := (first + k) % len(able)])
+
+
+@cache
+def _carrying(robot: str) -> BoolArray:
+    loaded = robot_of(robot)
+    return link_torque(loaded) >= CARRIES * usual_torque(loaded)
 
 
 def _mixtures(kind: str, count: int, sizes: Sizes, seed: int) -> Iterator[Task]:
@@ -99,10 +120,9 @@ def _mixtures(kind: str, count: int, sizes: Sizes, seed: int) -> Iterator[Task]:
         for number in range(sizes.mixtures):
             robot = sizes.robots[(number + seed) % len(sizes.robots)]
             names = [str(n) for n in rng.choice(STRUCTURAL, count, replace=False)]
-            joints = [int(j) for j in rng.integers(0, robot_of(robot).n, count)]
+            drawn = rng.integers(0, robot_of(robot).n, count).tolist()
             hidden = tuple(
-                Hidden(name, None if name in WHOLE_ROBOT else joint, severity)
-                for name, joint in zip(names, joints, strict=True)
+                Hidden(name, _joint(name, robot, first), severity) for name, first in zip(names, drawn, strict=True)
             )
             style = sizes.styles[number % len(sizes.styles)]
             yield Task(kind, Case(robot, hidden, 1000 * seed + 300 + number, style=style))

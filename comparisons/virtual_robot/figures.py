@@ -24,12 +24,8 @@ def reach(robot: Robot) -> tuple[FloatArray, FloatArray]:
     return lower, upper
 
 
-def usual_torque(robot: Robot) -> FloatArray:
-    """Return the torque [N m] that ordinary motion asks of each joint, (n,).
-
-    The largest that gravity and moderate acceleration ask at random poses, but no less than a tenth of the joint's
-    effort limit or a fiftieth of the strongest joint's: the motor of a wrist mostly moves itself.
-    """
+def link_torque(robot: Robot) -> FloatArray:
+    """Return the largest torque [N m] that gravity and moderate acceleration ask at random poses, (n,)."""
     rng = np.random.default_rng(0)
     lower, upper = reach(robot)
     torques = np.full(robot.n, 1e-3)
@@ -37,6 +33,16 @@ def usual_torque(robot: Robot) -> FloatArray:
         q = rng.uniform(lower, upper)
         ddq = USUAL_ACCELERATION * rng.choice([-1.0, 1.0], robot.n)
         torques = np.maximum(torques, np.abs(robot.multibody.inverse_dynamics(q, np.zeros(robot.n), ddq)))
+    return torques
+
+
+def usual_torque(robot: Robot) -> FloatArray:
+    """Return the torque [N m] that ordinary motion asks of each joint, (n,).
+
+    That of the links, but no less than a tenth of the joint's effort limit or a fiftieth of the strongest joint's: the
+    motor of a wrist mostly moves itself.
+    """
+    torques = link_torque(robot)
     effort = np.where(np.isfinite(robot.limits.effort), robot.limits.effort, 0.0)
     usual: FloatArray = np.maximum(torques, np.maximum(0.1 * effort, 0.02 * torques.max()))
     return usual

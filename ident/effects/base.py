@@ -139,6 +139,7 @@ class Effect(ABC):
     Attributes:
         joint: joint it acts on, from 0; None acts on the whole robot with one set of coefficients.
         replaces: names of effects that it contains as a limit, and that leave a joint's model when it comes in.
+        contains: names of effects that it has as a limit; where they are missing, they are named before it.
         needs: what of a fitted model its columns depend on: ``load``, ``links``, ``total``.
         rivals: names of effects that it is easily taken for.
         excitation: what the motion must contain for the effect to show.
@@ -149,6 +150,7 @@ class Effect(ABC):
     name: ClassVar[str] = ""
     family: ClassVar[str] = ""
     replaces: ClassVar[tuple[str, ...]] = ()
+    contains: ClassVar[tuple[str, ...]] = ()
     needs: ClassVar[tuple[str, ...]] = ()
     rivals: ClassVar[tuple[str, ...]] = ()
     excitation: ClassVar[str] = "motion of the joint"

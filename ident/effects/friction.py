@@ -137,6 +137,7 @@ class Sigmoid(VelocityEffect):
     name = "sigmoid"
     family = "friction"
     replaces = ("coulomb",)
+    contains = ("coulomb", "viscous")
     rivals = ("stribeck", "maxwell-slip", "viscous-nonlinear")
     excitation = "constant speeds from a few mrad/s to the usual ones, both ways"
 
@@ -179,6 +180,7 @@ class ViscousNonlinear(VelocityEffect):
     name = "viscous-nonlinear"
     family = "friction"
     replaces = ("viscous",)
+    contains = ("viscous", "coulomb")
     rivals = ("stribeck", "sigmoid", "viscous")
     excitation = "plateaus of several constant speeds up to the limit, both ways"
 

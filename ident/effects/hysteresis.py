@@ -33,6 +33,7 @@ class MaxwellSlip(Effect):
 
     name = "maxwell-slip"
     family = "hysteresis"
+    contains = ("coulomb",)
     rivals = ("sigmoid", "stribeck", "backlash", "cross-joint-hysteresis")
     excitation = "small reversals and rests: a loop in position that is none in velocity"
 

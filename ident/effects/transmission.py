@@ -40,6 +40,7 @@ class CrossJointFriction(Effect):
 
     name = "cross-joint-friction"
     family = "transmission"
+    contains = ("coulomb",)
     rivals = ("coulomb", "viscous", "cross-joint-hysteresis")
     excitation = "the two joints moving alone, together and against one another"
 

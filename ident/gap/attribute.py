@@ -30,9 +30,18 @@ PARSIMONY = 0.004
 LAW, RIVAL_LAW = 0.03, 0.15
 """No law is exact: another effect must explain more than this share of what one named before did, a rival more."""
 
-HARM, FEW, MOVING = 1.02, 0.02, 2
-"""How far an effect may raise the squared residual at rest or in motion; shares of rows to which that does not apply;
-the first class of speed that is motion."""
+PLAIN = 0.85
+"""Share of what an effect explains that one of its limits must, to be named first."""
+
+AGREES, SLACK, HARM = 0.7, 0.05, 0.02
+"""How much of the force that an effect predicts must be there, at rest and in motion; shares of the squared residual
+that may be lacking of that, and that it may at most add."""
+
+FEW, MOVING = 0.02, 2
+"""Share of rows, at rest or in motion, that are too few to ask; the first class of speed that is motion."""
+
+WORSE = 0.05
+"""Share of what is gained over all folds that may be lost on some, where each has the shape that the others found."""
 
 MOST = 4
 """Effects at most that one joint is given."""
@@ -134,7 +143,7 @@ class Search:
         for trial in self.trials:
             assert trial.errors is not None
             gained = gain(self.before.total, trial.errors.total)
-            explained = self.before.total - trial.errors.total
+            explained = self._explained(trial)
             if gained <= GAIN or trial.at_bound or explained <= _law_error(trial.effect, self.named):
                 continue
             columns = admissible(panel, self.problem, trial.effect, trial.shape, self.joint)
@@ -142,13 +151,26 @@ class Search:
                 continue
             p_value = self.p_value(columns, looks)
             if p_value <= LEVEL and (not certain or self.holds(panel, trial, columns)):
-                return Named(trial, p_value, explained, self.trials)
+                plain = self._limit_of(trial)
+                return Named(plain, p_value, self._explained(plain), self.trials)
         return None
+
+    def _limit_of(self, trial: Trial) -> Trial:
+        """A candidate, or the best of its limits if that explains nearly as much: the plain law comes first."""
+        limits = [t for t in self.trials if t.effect.name in trial.effect.contains]
+        enough = PLAIN * self._explained(trial)
+        return next((t for t in limits if self._explained(t) > enough), trial)
+
+    def _explained(self, trial: Trial) -> float:
+        """By how much a candidate lowers the held-out squared residual."""
+        return self.before.total - (trial.errors.total if trial.errors is not None else np.inf)
 
     def holds(self, panel: Panel, trial: Trial, columns: FloatArray) -> bool:
         """Whether a candidate helps in every fold, at rest and in motion, without nuisance, and by any fold's shape."""
         assert trial.errors is not None
-        everywhere = bool(np.all(trial.errors.held_out < self.before.held_out)) and self._harmless(columns)
+        moving = self.gate.classes >= MOVING
+        everywhere = bool(np.all(trial.errors.held_out < self.before.held_out))
+        everywhere = everywhere and agrees(self.problem, columns, (moving, ~moving))
         return everywhere and self._shrinks(panel, trial) and self._repeats(panel, trial)
 
     def p_value(self, columns: FloatArray, looks: int) -> float:
@@ -162,13 +184,6 @@ class Search:
         best = self.trials[0]
         return self.p_value(admissible(panel, self.problem, best.effect, best.shape, self.joint), looks)
 
-    def _harmless(self, columns: FloatArray) -> bool:
-        """Whether neither the rows at rest nor those in motion are predicted worse: rests are few, however long."""
-        before, after = self.problem.held_out(columns[:, :0]), self.problem.held_out(columns)
-        moving = self.gate.classes >= MOVING
-        groups = [rows for rows in (moving, ~moving) if rows.mean() > FEW]
-        return all(float(np.sum(after[r] ** 2)) <= HARM * float(np.sum(before[r] ** 2)) for r in groups)
-
     def _shrinks(self, panel: Panel, trial: Trial) -> bool:
         """Whether the model as it will be delivered, without nuisance, gains by the effect as well."""
         bare = self.gap.bare().problem(panel, [n.trial for n in self.named])
@@ -176,9 +191,10 @@ class Search:
         return gain(bare.errors().total, with_it.total) > 0.5 * GAIN
 
     def _repeats(self, panel: Panel, trial: Trial) -> bool:
-        """Whether it predicts each fold with its shape, too, found on the others: a shape may fit by chance."""
+        """Whether it predicts the folds with its shape, too, found on the others: a shape may fit by chance."""
         held_out = nested_errors(panel, self.gap, [n.trial for n in self.named], trial.effect)
-        better = bool(np.all(held_out < self.before.held_out))
+        fall = self.before.held_out - held_out
+        better = bool(-fall[fall < 0.0].sum() <= WORSE * fall.sum())
         return better and gain(self.before.total, float(held_out.sum())) > GAIN
 
     def _worth(self, columns: FloatArray, trial: Trial, gained: float) -> bool:
@@ -201,6 +217,27 @@ def search(panel: Panel, survey: Survey, gap: JointGap, named: Sequence[Named] =
     gate = gate_of(panel, problem, gap.joint)
     trials = best_trials(panel, gate, effects, gap.joint)
     return Search(gap, tuple(named), problem, gate, tuple(sorted(trials, key=penalised)), problem.errors())
+
+
+def agrees(problem: JointProblem, columns: FloatArray, groups: Sequence[BoolArray]) -> bool:
+    """Whether what an effect predicts for rows held out is there in every group of rows: rests are few, however long.
+
+    The slope of the residual r on the predicted force d is (r d) / d^2; one that fits the rests alone has none in
+    motion. With r - d what is left, the squared residual falls by (2 slope - 1) d^2.
+
+    Args:
+        problem: the regression that the effect would be added to.
+        columns: the effect's (N, k).
+        groups: rows (N,) of each group; those of few rows are not asked.
+    """
+    before, after = problem.held_out(columns[:, :0]), problem.held_out(columns)
+    for rows in groups:
+        square, left = float(np.sum(before[rows] ** 2)), float(np.sum(after[rows] ** 2))
+        predicted = float(np.sum((before[rows] - after[rows]) ** 2))
+        least = max((2.0 * AGREES - 1.0) * predicted - SLACK * square, -HARM * square)
+        if rows.mean() > FEW and square - left < least:
+            return False
+    return True
 
 
 def nested_errors(panel: Panel, gap: JointGap, named: Sequence[Trial], effect: Effect) -> FloatArray:
@@ -287,22 +324,28 @@ def gate_of(panel: Panel, problem: JointProblem, joint: int) -> Gate:
 
 
 def _swapped(panel: Panel, gap: JointGap, named: list[Named]) -> list[Named]:
-    """Fit shapes again, each effect's among the others, and put a rival in its place where that is better."""
+    """Fit shapes again, each effect's among the others, and put a rival in its place where that is better and holds."""
     for k, old in enumerate(named):
-        others = [n.trial for i, n in enumerate(named) if i != k]
-        problem = gap.problem(panel, others)
-        taken = {_kind(o.effect) for o in others}
-        rivals = [t for t in old.ranking[:6] if _kind(t.effect) not in taken and _kind(t.effect) != _kind(old.effect)]
-        tried = [
-            with_errors(panel, problem, _again(panel, problem, t, gap.joint), gap.joint) for t in [old.trial, *rivals]
-        ]
-        best = min(tried, key=penalised)
-        ranking = [
-            *sorted(tried, key=penalised),
-            *[t for t in old.ranking if all(t.effect is not x.effect for x in tried)],
-        ]
-        named[k] = replace(old, trial=best, ranking=tuple(ranking))
+        others = [n for n in named if n is not old]
+        problem = gap.problem(panel, [n.trial for n in others])
+        taken = {_kind(n.effect) for n in named}
+        rivals = [t for t in old.ranking[:6] if _kind(t.effect) not in taken]
+        again = (_again(panel, problem, t, gap.joint) for t in [old.trial, *rivals])
+        tried = sorted((with_errors(panel, problem, t, gap.joint) for t in again), key=penalised)
+        untried = [t for t in old.ranking if all(t.effect is not x.effect for x in tried)]
+        best = next(t for t in tried if t.effect is old.effect or _could_replace(panel, gap, old, t, others))
+        named[k] = replace(old, trial=best, ranking=(*tried, *untried))
     return named
+
+
+def _could_replace(panel: Panel, gap: JointGap, old: Named, trial: Trial, others: Sequence[Named]) -> bool:
+    """Whether a rival passes in a name's place, which is no limit of it."""
+    assert trial.errors is not None
+    explained = gap.problem(panel, [n.trial for n in others]).errors().total - trial.errors.total
+    if old.effect.name in trial.effect.contains or explained <= _law_error(trial.effect, others):
+        return False
+    new = replace(old, trial=trial)
+    return _holds_beside(panel, gap, new, [*others, new])
 
 
 def _again(panel: Panel, problem: JointProblem, trial: Trial, joint: int) -> Trial:
@@ -315,9 +358,10 @@ def _pruned(panel: Panel, gap: JointGap, named: list[Named]) -> list[Named]:
     """Leave out effects that the others make needless."""
     kept = list(named)
     for one in list(named):
-        if len(kept) < 2:
-            break
         others = [n for n in kept if n is not one]
+        # What is a limit of another cannot but be needless beside it.
+        if not others or any(one.effect.name in n.effect.contains for n in others):
+            continue
         with_it = gap.problem(panel, [n.trial for n in kept]).errors()
         without = gap.problem(panel, [n.trial for n in others]).errors()
         if gain(without.total, with_it.total) <= GAIN:

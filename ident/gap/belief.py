@@ -18,14 +18,14 @@ from ident.gap.spectrum import spectral_line
 from ident.gap.touch import row_step
 from ident.gap.wander import wandering
 
-ENOUGH, CERTAIN = 2.0, 8.0
+ENOUGH, CERTAIN = 5.0, 8.0
 """Names of a joint must explain this many times what could still be explained after them; else none is given.
 
 Between the two their coefficients must be the more constant all over the logs. Of what follows the clock alone, which
 no motion repeats, they must explain the greater.
 """
 
-CONSTANT, STEADY = 0.06, 0.03
+CONSTANT, STEADY = 0.03, 0.025
 """Share of what names explain that varying their coefficients may add; the second where they explain less."""
 
 FAST, FEW = 3, 0.1
@@ -52,17 +52,29 @@ def believed(panel: Panel, survey: Survey, gap: JointGap, named: list[Named]) ->
     return named if inconstancy(panel, survey, gap, named) <= allowed else []
 
 
-def unexplained(panel: Panel, survey: Survey, gap: JointGap, named: Sequence[Named]) -> list[Unexplained]:
-    """What is left on a joint and could be explained by motion, or follows the clock alone."""
+def unexplained(
+    panel: Panel, survey: Survey, gap: JointGap, named: Sequence[Named], doubted: Sequence[Named]
+) -> list[Unexplained]:
+    """What is left on a joint and could be explained by motion, or follows the clock alone.
+
+    What names that are not believed explained is there, whatever it is.
+    """
     problem = gap.problem(panel, [n.trial for n in named])
     left = explainable(panel, survey, gap.joint, problem.residual, problem.keep)
-    if left.share > WORTH_SAYING:
-        return [Unexplained((gap.joint,), left.depends_on, left.share)]
+    share = max(left.share, _explained(panel, gap, problem, doubted))
+    if share > WORTH_SAYING:
+        return [Unexplained((gap.joint,), left.depends_on, share)]
     slow = _wandering(panel, problem)
     if slow > WORTH_SAYING:
         return [Unexplained((gap.joint,), ("t (wanders)",), slow)]
     line = _line(panel, problem, gap.joint)
     return [] if line is None else [Unexplained((gap.joint,), (f"t ({line[0]:.2g} Hz)",), line[1])]
+
+
+def _explained(panel: Panel, gap: JointGap, problem: JointProblem, doubted: Sequence[Named]) -> float:
+    """Share of a problem's squared residual that further effects explain."""
+    left = gap.problem(panel, [n.trial for n in doubted]).residual
+    return 1.0 - float(left @ left) / max(float(problem.residual @ problem.residual), 1e-300)
 
 
 def _line(panel: Panel, problem: JointProblem, joint: int) -> tuple[float, float] | None:

@@ -18,20 +18,20 @@ def inconstancy(panel: Panel, survey: Survey, gap: JointGap, named: list[Named])
 
     The rows are cut in thirds by the value of one signal at a time, and the coefficients of one name at a time may
     differ between them (a varying-coefficient test, Hastie and Tibshirani 1993). Returned is the largest fall of the
-    squared residual, less what surrogates fall by, over what the names explain.
+    squared residual, less what the largest of a surrogate usually is, over what the names explain.
     """
     full, plain = gap.problem(panel, [n.trial for n in named]), gap.problem(panel)
     explained = float(plain.residual @ plain.residual) - float(full.residual @ full.residual)
     gate = gate_of(panel, full, gap.joint)
     _, values = signals(panel, survey, gap.joint)
     parts = [np.digitize(v, np.quantile(v, THIRDS)) for v in values[full.keep].T]
-    worst = 0.0
+    falls = []
     for one in named:
         others = gap.problem(panel, [n.trial for n in named if n is not one])
         columns = admissible(panel, others, one.effect, one.trial.shape, gap.joint)
         for part in parts:
             varying = np.hstack([columns * (part == k)[:, None] for k in (0, 2)])
             drops, statistics = gate.look([varying])
-            chance = drops[0] / statistics[0] if statistics[0] > 0 else 0.0
-            worst = max(worst, float(drops[0] - chance))
-    return worst / max(explained, 1e-300)
+            falls.append((float(drops[0]), float(drops[0] / statistics[0]) if statistics[0] > 0 else 0.0))
+    usual = float(np.median(gate.largest))
+    return max(0.0, *(fall - usual * chance for fall, chance in falls)) / max(explained, 1e-300)

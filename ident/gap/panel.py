@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
 
 from ident.arrays import FloatArray, IntArray
 from ident.effects.base import Context, Effect
+from ident.model import CurrentModel
 from ident.robot import Robot
 from ident.signals import Motion
 from ident.walk import Block
@@ -37,6 +38,10 @@ class Panel:
 
     def __len__(self) -> int:
         return len(self.fold)
+
+    def seen_by(self, model: CurrentModel) -> Panel:
+        """The same rows with what effects see of them under another model."""
+        return replace(self, contexts=[model.context(block.motion, total=True) for block in self.blocks])
 
     def columns(self, effect: Effect, shape: FloatArray, joint: int) -> FloatArray:
         """Columns (N, k) of an effect in a joint's rows; those without shape are kept, being asked for often."""

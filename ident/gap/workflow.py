@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from itertools import chain
 
 import numpy as np
 from joblib import Parallel, delayed
@@ -71,11 +72,15 @@ def find_gap(
 
 @dataclass(frozen=True, eq=False)
 class _Causes:
-    """Causes of the whole robot, each joint's rows without them, its own causes, and how sure the first of all is."""
+    """Causes of the whole robot, each joint's rows without them, its own causes, or those that are not believed.
+
+    ``p_values`` (n,) say how sure the first of each joint is.
+    """
 
     wholes: list[Whole]
     gaps: list[JointGap]
     named: list[list[Named]]
+    doubted: list[list[Named]]
     p_values: FloatArray
 
 
@@ -121,7 +126,7 @@ class _Workflow:
         gaps = [replace(gap, keep=keep[:, gap.joint]) for gap in self.gaps]
         wholes: list[Whole] = []
         self.tell("trying effects", 0.0)
-        searches = self.searches(gaps)
+        searches = self.seen_anew(self.searches(gaps))
         p_values = np.array([one.least_p_value(self.panel, self.model.n) for one in searches])
         self.tell("trying effects", 0.5)
         for _ in range(2):
@@ -139,7 +144,22 @@ class _Workflow:
             named = self.attributed(self.searches(gaps))
         self.tell("trying effects", 1.0)
         sure = [believed(self.panel, self.survey, one.gap, list(one.named)) for one in named]
-        return _Causes(wholes, gaps, sure, p_values)
+        doubted = [list(one.named) if not believed else [] for one, believed in zip(named, sure, strict=True)]
+        return _Causes(wholes, gaps, sure, doubted, p_values)
+
+    def seen_anew(self, searches: Sequence[Search]) -> list[Search]:
+        """The searches, anew where an effect of the total force is likely: fitted without it, links have bent to it."""
+        likely = {one.joint: one.winner(self.panel, self.model.n, certain=False) for one in searches}
+        dependent = {j: n.trial for j, n in likely.items() if n is not None and "total" in n.effect.needs}
+        if not (self.refit and dependent):
+            return list(searches)
+        terms = [
+            Term(trial.effect, trial.shape, coefficients(self.panel, searches[j].problem, trial, j))
+            for j, trial in dependent.items()
+        ]
+        self.panel = self.panel.seen_by(self.fitted(self.model, terms))
+        self.survey = survey_of(self.model, self.panel)
+        return [search(self.panel, self.survey, one.gap) if one.joint in dependent else one for one in searches]
 
     def known(self, wholes: Sequence[Whole]) -> list[Effect]:
         """Causes of the whole robot that the model has, and those found."""
@@ -232,19 +252,20 @@ class _Workflow:
         nameless: list[Unexplained] = []
         before, after = (np.full((len(self.panel), self.model.n), np.nan) for _ in range(2))
         problems = []
-        for gap, names in zip(causes.gaps, causes.named, strict=True):
+        for gap, names, doubted in zip(causes.gaps, causes.named, causes.doubted, strict=True):
             plain, full = self.plain(gap).problem(self.panel), gap.problem(self.panel, [n.trial for n in names])
             problems.append(plain)
             before[plain.keep, gap.joint], after[full.keep, gap.joint] = plain.residual, full.residual
             findings += [self.joint_finding(gap, names, one, plain.errors().total) for one in names]
-            nameless += unexplained(self.panel, self.survey, gap, names)
+            nameless += unexplained(self.panel, self.survey, gap, names, doubted)
         if touches.episodes:
             figures: dict[str, float | list[float]] = {"seconds": touches.seconds, "episodes": float(touches.episodes)}
             findings.append(Finding("contact", "contact", touches.joints, figures, SURE, (), None, (), 0.0))
         findings.sort(key=lambda f: -f.explained)
         self.tell("settling names", 0.6)
         missing = untestable(self.panel, self.survey, causes.gaps, problems)
-        models = [self.fitted(self.model, findings[:k]) for k in range(1, len(findings) + 1)]
+        terms = [finding.terms for finding in findings]
+        models = [self.fitted(self.model, list(chain(*terms[: k + 1]))) for k in range(len(terms))]
         if self.lag is not None:
             models.insert(0, self.model)
             figure: dict[str, float | list[float]] = {"seconds": self.lag.seconds}
@@ -306,9 +327,8 @@ class _Workflow:
         """Each motion's rows behind the logs'."""
         return {name: with_motion(self.model, self.panel, motion) for name, motion in self.motions.items()}
 
-    def fitted(self, model: CurrentModel, findings: Sequence[Finding]) -> CurrentModel:
+    def fitted(self, model: CurrentModel, terms: Sequence[Term]) -> CurrentModel:
         """Step 8: the model with what was found, refitted, or with the found terms added to it."""
-        terms = [term for finding in findings for term in finding.terms]
         if not self.refit:
             return replace(model, terms=(*model.terms, *terms))
         everything = [*model.terms, *terms]

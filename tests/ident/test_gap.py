@@ -6,8 +6,10 @@ from scipy.interpolate import CubicSpline
 
 from ident.effects import load_catalogue
 from ident.effects.base import Shape
+from ident.effects.friction import Coulomb
+from ident.fit import Drives, fit
 from ident.gap import baseline_model, find_gap
-from ident.gap.attribute import JointGap
+from ident.gap.attribute import JointGap, agrees
 from ident.gap.baseline import EFFECTS
 from ident.gap.candidates import Trial, climb
 from ident.gap.experiment import Joined, Question, separating, with_motion
@@ -111,6 +113,49 @@ def test_a_change_is_named_against_a_model_held_fixed(arm):
     assert found.findings[0].joints == ()
     assert found.findings[0].parameters["mass"] == pytest.approx(0.5, rel=0.2)
     assert np.all(found.evidence.after < 0.5 * found.evidence.before)
+
+
+def test_a_term_that_a_model_lacks_is_named_before_laws_that_contain_it(arm):
+    train = logs(arm, 1)
+    model = baseline_model(arm, train)
+    effects = [t.effect for t in model.terms if not (isinstance(t.effect, Coulomb) and t.effect.joint == 1)]
+    poorer = fit(arm, effects, train, model.cutoff, Drives(model.gain, model.force_unit)).model
+    found = find_gap(poorer, train)
+    assert [(one.effect, one.joints) for one in found.findings] == [("coulomb", (1,))]
+    assert found.findings[0].parameters["force"] == pytest.approx(0.8, rel=0.05)
+
+
+def test_saturation_is_sized_although_links_have_bent_to_it(arm):
+    def saturated(seed):
+        log = record(arm, seed)
+        missing = 0.5 * (log.current[:, 1] / 6.0) ** 2
+        return log.replace(current=log.current * np.column_stack([np.ones(len(missing)), 1.0 + missing]))
+
+    train = [saturated(seed) for seed in (1, 2, 3)]
+    found = find_gap(baseline_model(arm, train), train, [saturated(9)])
+    (one,) = found.findings
+    assert (one.effect, one.joints) == ("torque-saturation", (1,))
+    largest = max(np.abs(record(arm, seed).current[:, 1]).max() for seed in (1, 2, 3))
+    missing = 0.5 * (largest / 6.0) ** 2
+    assert one.parameters["share"] == pytest.approx(missing / (1.0 + missing), rel=0.1)
+    assert one.parameters["power"] == pytest.approx(2.0, rel=0.1)
+    assert found.evidence.after[1] < 0.6 * found.evidence.before[1]
+
+
+def test_what_only_a_name_that_is_not_believed_explains_is_unexplained(arm):
+    found = structure(arm, hidden=lambda t, q, dq: 0.35 * np.tanh(dq[:, 1] / 2e-3) * (t > 37.0))
+    assert found.findings == ()
+    assert [one.joints for one in found.unexplained] == [(1,)]
+
+
+def test_what_fits_the_rests_alone_does_not_agree():
+    rng = np.random.default_rng(0)
+    moving = np.arange(4000) % 400 >= 320
+    force = np.repeat(rng.standard_normal(40), 100)
+    noise = 0.2 * rng.standard_normal(4000)
+    problem = JointProblem(np.zeros((4000, 0)), force * ~moving + noise, np.arange(4000) // 1000, np.ones(4000, bool))
+    assert not agrees(problem, force[:, None], (moving, ~moving))
+    assert agrees(problem, (force * ~moving)[:, None], (moving, ~moving))
 
 
 def test_what_the_catalogue_does_not_have_is_not_named(arm):
