@@ -144,8 +144,15 @@ class _Workflow:
             named = self.attributed(self.searches(gaps))
         self.tell("trying effects", 1.0)
         sure = [believed(self.panel, self.survey, one.gap, list(one.named)) for one in named]
-        doubted = [list(one.named) if not believed else [] for one, believed in zip(named, sure, strict=True)]
+        doubted = [self.doubted(one) if not believed else [] for one, believed in zip(named, sure, strict=True)]
         return _Causes(wholes, gaps, sure, doubted, p_values)
+
+    def doubted(self, last: Search) -> list[Named]:
+        """Names that are not believed, or else the effect that passes the gate but does not hold everywhere."""
+        if last.named:
+            return list(last.named)
+        bold = last.winner(self.panel, self.model.n, certain=False)
+        return [] if bold is None else [bold]
 
     def seen_anew(self, searches: Sequence[Search]) -> list[Search]:
         """The searches, anew where an effect of the total force is likely: fitted without it, links have bent to it."""
