@@ -8,9 +8,9 @@ import numpy as np
 
 from ident.effects.base import Survey
 from ident.gap.abstain import explainable
-from ident.gap.attribute import JointGap, Named, starts_of
 from ident.gap.constancy import inconstancy
 from ident.gap.gate import speed_classes
+from ident.gap.joint_gap import JointGap, Named, starts_of
 from ident.gap.panel import Panel
 from ident.gap.problem import JointProblem
 from ident.gap.report import Unexplained

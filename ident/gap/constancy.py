@@ -6,8 +6,8 @@ import numpy as np
 
 from ident.effects.base import Survey
 from ident.gap.abstain import signals
-from ident.gap.attribute import JointGap, Named, gate_of
 from ident.gap.candidates import admissible
+from ident.gap.joint_gap import JointGap, Named, gate_of
 from ident.gap.panel import Panel
 
 THIRDS = (1 / 3, 2 / 3)

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ident.arrays import FloatArray
-from ident.gap.attribute import JointGap, Named
+from ident.gap.joint_gap import JointGap, Named
 from ident.gap.panel import Panel
 from ident.gap.problem import gain
 from ident.log import LogSource

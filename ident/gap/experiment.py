@@ -12,8 +12,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ident.arrays import FloatArray
-from ident.gap.attribute import JointGap
 from ident.gap.candidates import Trial, admissible, coefficients, refine
+from ident.gap.joint_gap import JointGap
 from ident.gap.panel import Panel
 from ident.log import JointLog
 from ident.model import CurrentModel

@@ -9,8 +9,8 @@ import numpy as np
 
 from ident.effects import load_catalogue
 from ident.effects.base import Effect, Survey
-from ident.gap.attribute import JointGap
 from ident.gap.candidates import forms
+from ident.gap.joint_gap import JointGap
 from ident.gap.panel import Panel
 from ident.gap.problem import JointProblem
 

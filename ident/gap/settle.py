@@ -8,9 +8,9 @@ import numpy as np
 
 from ident.arrays import FloatArray
 from ident.effects import load_catalogue
-from ident.gap.attribute import JointGap, Named, nested_errors
 from ident.gap.candidates import Trial, admissible
 from ident.gap.experiment import Experiment
+from ident.gap.joint_gap import JointGap, Named, nested_errors
 from ident.gap.panel import Panel
 from ident.gap.problem import JointProblem
 

@@ -10,11 +10,11 @@ import numpy as np
 from ident.arrays import BoolArray, FloatArray
 from ident.effects.base import Effect, Survey
 from ident.gap.abstain import explainable
-from ident.gap.attribute import GAIN, LEVEL, RIVAL_LAW, Search
 from ident.gap.belief import CERTAIN
 from ident.gap.candidates import at_bound, climb, forms, grid
 from ident.gap.panel import Panel
 from ident.gap.problem import JointProblem, gain
+from ident.gap.search import GAIN, LEVEL, RIVAL_LAW, Search
 from ident.gap.settle import LAW
 
 SHARE = 0.85

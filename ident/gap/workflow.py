@@ -16,17 +16,19 @@ from ident.effects.base import Effect, Term
 from ident.errors import InputError
 from ident.fit import Drives, fit
 from ident.gap.abstain import explainable
-from ident.gap.attribute import JointGap, Named, Search, attribute, search
+from ident.gap.attribute import attribute
 from ident.gap.belief import WORTH_SAYING, believed, unexplained
 from ident.gap.candidates import Trial, coefficients
 from ident.gap.edge import edge_columns
 from ident.gap.evidence import evidence, negative_control
 from ident.gap.experiment import Experiment, Joined, Question, separating, with_motion
+from ident.gap.joint_gap import JointGap, Named
 from ident.gap.localise import gap_map
 from ident.gap.panel import Panel
 from ident.gap.preflight import untestable
 from ident.gap.report import Finding, GapReport, Unexplained
 from ident.gap.rows import panel_of, survey_of
+from ident.gap.search import Search, search
 from ident.gap.settle import alternatives, next_experiment
 from ident.gap.touch import Touches, find_touches
 from ident.gap.unsure import unsure_rows

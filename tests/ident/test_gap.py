@@ -9,13 +9,14 @@ from ident.effects.base import Shape
 from ident.effects.friction import Coulomb
 from ident.fit import Drives, fit
 from ident.gap import baseline_model, find_gap
-from ident.gap.attribute import JointGap, agrees
 from ident.gap.baseline import EFFECTS
 from ident.gap.candidates import Trial, climb
 from ident.gap.experiment import Joined, Question, separating, with_motion
 from ident.gap.gate import Gate, surrogates
+from ident.gap.joint_gap import JointGap
 from ident.gap.problem import JointProblem
 from ident.gap.rows import panel_of
+from ident.gap.search import agrees
 from ident.gap.settle import next_experiment
 from ident.gap.spectrum import spectral_line
 from ident.gap.velocity_lag import velocity_lag

@@ -1,0 +1,95 @@
+"""One joint's rows before anything is named, and names found for them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from ident.arrays import BoolArray, FloatArray, IntArray
+from ident.effects.base import Effect
+from ident.gap.candidates import Trial, admissible, best_shape, usable
+from ident.gap.gate import Gate
+from ident.gap.panel import Panel
+from ident.gap.problem import JointProblem
+
+
+@dataclass(frozen=True, eq=False)
+class Named:
+    """An effect that is taken for a cause.
+
+    Attributes:
+        trial: the effect with its shape and held-out errors.
+        p_value: chance of so good a candidate where there is nothing, over all joints.
+        explained: by how much it lowered the held-out squared residual when it came in.
+        ranking: all candidates that were tried in its place, best first.
+    """
+
+    trial: Trial
+    p_value: float
+    explained: float
+    ranking: tuple[Trial, ...] = ()
+
+    @property
+    def effect(self) -> Effect:
+        """The effect."""
+        return self.trial.effect
+
+
+@dataclass(frozen=True, eq=False)
+class JointGap:
+    """One joint's rows before anything is named.
+
+    Attributes:
+        joint: the joint, from 0.
+        matrix: columns (N, p) of the baseline that are refitted; none where the model is held fixed.
+        target: what is to be explained (N,), in force units.
+        keep: rows that count (N,).
+        present: effects that the joint has already.
+        nuisance: how many of the columns, the last ones, stand for nothing that the model will have.
+    """
+
+    joint: int
+    matrix: FloatArray
+    target: FloatArray
+    keep: BoolArray
+    present: tuple[Effect, ...]
+    nuisance: int = 0
+
+    def bare(self) -> JointGap:
+        """The same without nuisance."""
+        return replace(self, matrix=self.matrix[:, : self.matrix.shape[1] - self.nuisance], nuisance=0)
+
+    def without(self, rows: BoolArray) -> JointGap:
+        """The same with some rows (N,) left out."""
+        return replace(self, keep=self.keep & ~rows)
+
+    def problem(self, panel: Panel, named: Sequence[Trial] = ()) -> JointProblem:
+        """The regression with effects named so far among the baseline's columns."""
+        plain = JointProblem(self.matrix, self.target, panel.fold, self.keep)
+        found = [usable(panel, plain, trial.effect, trial.shape, self.joint) for trial in named]
+        columns = [whole[:, used] for whole, used in found]
+        return JointProblem(np.hstack([self.matrix, *columns]), self.target, panel.fold, self.keep)
+
+
+def starts_of(panel: Panel, problem: JointProblem) -> IntArray:
+    """Numbers of the rows that count with which each block begins."""
+    return np.unique(np.searchsorted(problem.keep, panel.start))
+
+
+def gate_of(panel: Panel, problem: JointProblem, joint: int) -> Gate:
+    """The gate of a joint's rows."""
+    return Gate(problem, starts_of(panel, problem), np.abs(panel.velocity[problem.keep, joint]))
+
+
+def nested_errors(panel: Panel, gap: JointGap, named: Sequence[Trial], effect: Effect) -> FloatArray:
+    """Squared residuals (folds,) of rows predicted from the others, which alone chose the effect's shape, too."""
+    problem = gap.problem(panel, named)
+    folds = np.unique(problem.fold)
+    held_out = np.empty(len(folds))
+    for k, fold in enumerate(folds):
+        others = gap.without(panel.fold == fold).problem(panel, named)
+        shape = best_shape(panel, others, effect, gap.joint).shape
+        held_out[k] = problem.errors(admissible(panel, problem, effect, shape, gap.joint)).held_out[k]
+    return held_out

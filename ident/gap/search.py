@@ -1,0 +1,200 @@
+"""Step 5, attribute: all candidates of a joint beside what is named, and what the best must satisfy to be named."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from ident.arrays import BoolArray, FloatArray
+from ident.effects.base import Effect, Survey
+from ident.gap.candidates import Trial, admissible, best_trials, forms
+from ident.gap.gate import Gate
+from ident.gap.joint_gap import JointGap, Named, gate_of, nested_errors
+from ident.gap.panel import Panel
+from ident.gap.problem import Errors, JointProblem, gain
+from ident.uncertainty import correlation_time
+
+GAIN = 0.05
+"""An effect must lower the held-out RMS residual of its joint by this share, and on every fold."""
+
+LEVEL = 0.01
+"""Chance of a false name on a whole robot that the gate allows."""
+
+PRICE = 1.5
+"""How far beyond Schwarz's criterion a gain must be: correlation times of short logs are themselves uncertain."""
+
+PARSIMONY = 0.004
+"""Share of the held-out RMS residual by which a parameter more must be better."""
+
+LAW, RIVAL_LAW = 0.03, 0.15
+"""No law is exact: another effect must explain more than this share of what one named before did, a rival more."""
+
+PLAIN = 0.85
+"""Share of what an effect explains that one of its limits must, to be named first."""
+
+AGREES, SLACK, HARM = 0.7, 0.05, 0.02
+"""How much of the force that an effect predicts must be there, at rest and in motion; shares of the squared residual
+that may be lacking of that, and that it may at most add."""
+
+FEW, MOVING = 0.02, 2
+"""Share of rows, at rest or in motion, that are too few to ask; the first class of speed that is motion."""
+
+WORSE = 0.05
+"""Share of what is gained over all folds that may be lost on some, where each has the shape that the others found."""
+
+
+@dataclass(frozen=True, eq=False)
+class Search:
+    """All candidates tried on a joint, given what is named already.
+
+    Attributes:
+        gap: the joint's rows.
+        named: what is named already.
+        problem: the regression they were added to.
+        gate: its surrogates, which have seen all of them.
+        trials: the candidates, best first.
+        before: squared residuals without any of them.
+    """
+
+    gap: JointGap
+    named: tuple[Named, ...]
+    problem: JointProblem
+    gate: Gate
+    trials: tuple[Trial, ...]
+    before: Errors
+
+    @property
+    def best_error(self) -> float:
+        """Smallest held-out squared residual of all candidates."""
+        return min((t.errors.total for t in self.trials if t.errors is not None), default=self.before.total)
+
+    @property
+    def joint(self) -> int:
+        """The joint."""
+        return self.gap.joint
+
+    def winner(self, panel: Panel, looks: int, certain: bool = True) -> Named | None:
+        """The best candidate that passes the gate, if there is one; ``looks`` joints share the level.
+
+        Unless it must be ``certain``, it need not hold everywhere: what it lacks, other causes may bring.
+        """
+        for trial in self.trials:
+            assert trial.errors is not None
+            gained = gain(self.before.total, trial.errors.total)
+            explained = self._explained(trial)
+            if gained <= GAIN or trial.at_bound or explained <= law_error(trial.effect, self.named):
+                continue
+            columns = admissible(panel, self.problem, trial.effect, trial.shape, self.joint)
+            if not self._worth(columns, trial, gained):
+                continue
+            p_value = self.p_value(columns, looks)
+            if p_value <= LEVEL and (not certain or self.holds(panel, trial, columns)):
+                plain = self._limit_of(trial)
+                return Named(plain, p_value, self._explained(plain), self.trials)
+        return None
+
+    def _limit_of(self, trial: Trial) -> Trial:
+        """A candidate, or the best of its limits if that explains nearly as much: the plain law comes first."""
+        limits = [t for t in self.trials if t.effect.name in trial.effect.contains]
+        enough = PLAIN * self._explained(trial)
+        return next((t for t in limits if self._explained(t) > enough), trial)
+
+    def _explained(self, trial: Trial) -> float:
+        """By how much a candidate lowers the held-out squared residual."""
+        return self.before.total - (trial.errors.total if trial.errors is not None else np.inf)
+
+    def holds(self, panel: Panel, trial: Trial, columns: FloatArray) -> bool:
+        """Whether a candidate helps in every fold, at rest and in motion, without nuisance, and by any fold's shape."""
+        assert trial.errors is not None
+        moving = self.gate.classes >= MOVING
+        everywhere = bool(np.all(trial.errors.held_out < self.before.held_out))
+        everywhere = everywhere and agrees(self.problem, columns, (moving, ~moving))
+        return everywhere and self._shrinks(panel, trial) and self._repeats(panel, trial)
+
+    def p_value(self, columns: FloatArray, looks: int) -> float:
+        """Chance of so good a candidate as columns (N, k) where there is nothing, on any of ``looks`` joints."""
+        return min(1.0, looks * self.gate.p_value(self.gate.statistic(columns)))
+
+    def least_p_value(self, panel: Panel, looks: int) -> float:
+        """The same of the candidate that predicts best."""
+        if not self.trials:
+            return 1.0
+        best = self.trials[0]
+        return self.p_value(admissible(panel, self.problem, best.effect, best.shape, self.joint), looks)
+
+    def _shrinks(self, panel: Panel, trial: Trial) -> bool:
+        """Whether the model as it will be delivered, without nuisance, gains by the effect as well."""
+        bare = self.gap.bare().problem(panel, [n.trial for n in self.named])
+        with_it = bare.errors(admissible(panel, bare, trial.effect, trial.shape, self.joint))
+        return gain(bare.errors().total, with_it.total) > 0.5 * GAIN
+
+    def _repeats(self, panel: Panel, trial: Trial) -> bool:
+        """Whether it predicts the folds with its shape, too, found on the others: a shape may fit by chance."""
+        held_out = nested_errors(panel, self.gap, [n.trial for n in self.named], trial.effect)
+        fall = self.before.held_out - held_out
+        better = bool(-fall[fall < 0.0].sum() <= WORSE * fall.sum())
+        return better and gain(self.before.total, float(held_out.sum())) > GAIN
+
+    def _worth(self, columns: FloatArray, trial: Trial, gained: float) -> bool:
+        """Whether a gain pays for the effect's parameters and for having been searched, in independent samples.
+
+        Schwarz's criterion with the number of samples divided by the residual's correlation time, and the logarithm
+        of the number of candidates (Chen and Chen 2008).
+        """
+        left = self.problem.left(columns)
+        samples = len(left) / correlation_time(left)
+        price = 0.5 * (columns.shape[1] + len(trial.shape)) * np.log(max(samples, 2.0)) + np.log(len(self.trials))
+        return bool(-samples * np.log(1.0 - gained) > PRICE * price)
+
+
+def search(panel: Panel, survey: Survey, gap: JointGap, named: Sequence[Named] = ()) -> Search:
+    """Try what a joint does not have yet, besides what is named."""
+    taken = {kind_of(n.effect) for n in named}
+    effects = [e for e in forms(survey, gap.joint, gap.present) if kind_of(e) not in taken]
+    problem = gap.problem(panel, [n.trial for n in named])
+    gate = gate_of(panel, problem, gap.joint)
+    trials = best_trials(panel, gate, effects, gap.joint)
+    return Search(gap, tuple(named), problem, gate, tuple(sorted(trials, key=penalised)), problem.errors())
+
+
+def agrees(problem: JointProblem, columns: FloatArray, groups: Sequence[BoolArray]) -> bool:
+    """Whether what an effect predicts for rows held out is there in every group of rows: rests are few, however long.
+
+    The slope of the residual r on the predicted force d is (r d) / d^2; one that fits the rests alone has none in
+    motion. With r - d what is left, the squared residual falls by (2 slope - 1) d^2.
+
+    Args:
+        problem: the regression that the effect would be added to.
+        columns: the effect's (N, k).
+        groups: rows (N,) of each group; those of few rows are not asked.
+    """
+    before, after = problem.held_out(columns[:, :0]), problem.held_out(columns)
+    for rows in groups:
+        square, left = float(np.sum(before[rows] ** 2)), float(np.sum(after[rows] ** 2))
+        predicted = float(np.sum((before[rows] - after[rows]) ** 2))
+        least = max((2.0 * AGREES - 1.0) * predicted - SLACK * square, -HARM * square)
+        if rows.mean() > FEW and square - left < least:
+            return False
+    return True
+
+
+def law_error(effect: Effect, named: Sequence[Named]) -> float:
+    """What an effect must explain so that it is not the error of the laws by which others were named."""
+    rivals = [n for n in named if effect.rivals_with(n.effect)]
+    shares = [LAW * n.explained for n in named] + [RIVAL_LAW * n.explained for n in rivals]
+    return max(shares, default=0.0)
+
+
+def penalised(trial: Trial) -> float:
+    """Held-out error with a price on every parameter."""
+    if trial.errors is None:
+        return np.inf
+    parameters = len(trial.shape) + trial.columns
+    return trial.errors.total * (1.0 + 2.0 * PARSIMONY * parameters)
+
+
+def kind_of(effect: Effect) -> tuple[type[Effect], int]:
+    """What tells an effect from others of a joint: its class, and the joint that drives it where another does."""
+    return type(effect), getattr(effect, "source", 0)
