@@ -219,7 +219,8 @@ def _traces(report: Report, found: GapReport, test: Sequence[LogSource]) -> None
 def _open(report: Report, found: GapReport) -> None:
     report.section("What is unexplained")
     rows = [
-        [", ".join(str(j + 1) for j in u.joints), ", ".join(u.depends_on), 100 * u.share] for u in found.unexplained
+        [", ".join(str(j + 1) for j in u.joints), ", ".join(u.depends_on) or "no one signal", 100 * u.share]
+        for u in found.unexplained
     ]
     if rows:
         columns = ["joint", "depends on", "explainable share of the squared residual [%]"]

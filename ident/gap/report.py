@@ -53,7 +53,7 @@ class Unexplained:
 
     Attributes:
         joints: from 0.
-        depends_on: signals, such as ``q2`` or ``sign(dq2)``, joints counted from 1.
+        depends_on: signals, such as ``q2`` or ``sign(dq2)``, joints counted from 1; none where no one of them tells it.
         share: of the squared residual, 0 to 1.
     """
 
