@@ -48,6 +48,7 @@ class JointGap:
         keep: rows that count (N,).
         present: effects that the joint has already.
         nuisance: how many of the columns, the last ones, stand for nothing that the model will have.
+        friction: forces (N, k) of the model's own friction where it is held fixed: small errors of it are no change.
     """
 
     joint: int
@@ -56,6 +57,7 @@ class JointGap:
     keep: BoolArray
     present: tuple[Effect, ...]
     nuisance: int = 0
+    friction: FloatArray | None = None
 
     def bare(self) -> JointGap:
         """The same without nuisance."""

@@ -4,8 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
+from scipy.optimize import lsq_linear
 
 from ident.arrays import BoolArray, FloatArray
 from ident.effects.base import Effect, Survey
@@ -30,6 +32,9 @@ PARSIMONY = 0.004
 
 LAW, RIVAL_LAW = 0.03, 0.15
 """No law is exact: another effect must explain more than this share of what one named before did, a rival more."""
+
+OWN, BEYOND = 0.03, 1.5
+"""Share by which a model's own friction may be wrong; how many times what that explains an effect must."""
 
 PLAIN = 0.85
 """Share of what an effect explains that one of its limits must, to be named first."""
@@ -75,6 +80,14 @@ class Search:
         """The joint."""
         return self.gap.joint
 
+    @cached_property
+    def tolerated(self) -> float:
+        """Squared residual that small errors of the model's own friction explain."""
+        if self.gap.friction is None:
+            return 0.0
+        columns, left = self.problem.away(self.gap.friction[self.problem.keep]), self.problem.residual
+        return float(left @ left - 2.0 * lsq_linear(columns, left, bounds=(-OWN, OWN)).cost)
+
     def winner(self, panel: Panel, looks: int, certain: bool = True) -> Named | None:
         """The best candidate that passes the gate, if there is one; ``looks`` joints share the level.
 
@@ -84,7 +97,8 @@ class Search:
             assert trial.errors is not None
             gained = gain(self.before.total, trial.errors.total)
             explained = self._explained(trial)
-            if gained <= GAIN or trial.at_bound or explained <= law_error(trial.effect, self.named):
+            least = max(law_error(trial.effect, self.named), BEYOND * self.tolerated)
+            if gained <= GAIN or trial.at_bound or explained <= least:
                 continue
             columns = admissible(panel, self.problem, trial.effect, trial.shape, self.joint)
             if not self._worth(columns, trial, gained):

@@ -227,7 +227,12 @@ class _Workflow:
         own = [t for t in self.model.terms if t.effect.joint in (None, joint)]
         edge, target = edge_columns(panel, own, joint), panel.force[:, joint]
         if not self.refit:
-            return JointGap(joint, edge, target - self.simulated(panel)[:, joint], keep, (), edge.shape[1])
+            friction = [
+                panel.columns(t.effect, t.shape, joint) @ t.coefficients for t in own if t.effect.family == "friction"
+            ]
+            left = target - self.simulated(panel)[:, joint]
+            forces = np.column_stack(friction) if friction else None
+            return JointGap(joint, edge, left, keep, (), edge.shape[1], forces)
         columns = [panel.columns(t.effect, t.shape, joint) for t in own]
         present = tuple(t.effect for t in own)
         return JointGap(joint, np.hstack([*columns, edge]), target, keep, present, edge.shape[1])

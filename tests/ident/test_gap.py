@@ -16,7 +16,7 @@ from ident.gap.gate import Gate, surrogates
 from ident.gap.joint_gap import JointGap
 from ident.gap.problem import JointProblem
 from ident.gap.rows import panel_of
-from ident.gap.search import agrees
+from ident.gap.search import Search, agrees
 from ident.gap.settle import next_experiment
 from ident.gap.spectrum import spectral_line
 from ident.gap.velocity_lag import velocity_lag
@@ -147,6 +147,25 @@ def test_what_only_a_name_that_is_not_believed_explains_is_unexplained(arm):
     found = structure(arm, hidden=lambda t, q, dq: 0.35 * np.tanh(dq[:, 1] / 2e-3) * (t > 37.0))
     assert found.findings == ()
     assert [one.joints for one in found.unexplained] == [(1,)]
+
+
+def test_friction_that_changed_is_named_and_errors_of_its_size_are_not(arm):
+    model = baseline_model(arm, logs(arm, 1))
+    stiffer = logs(arm, 4, hidden=lambda t, q, dq: 0.16 * np.tanh(dq[:, 1] / 2e-3))
+    found = find_gap(model, stiffer, refit=False)
+    assert [(one.effect, one.joints) for one in found.findings] == [("coulomb", (1,))]
+    assert found.findings[0].parameters["force"] == pytest.approx(0.16, rel=0.1)
+
+
+@pytest.mark.parametrize(("change", "share"), [(0.02, 1.0), (0.2, 1.0 - 0.85**2)])
+def test_small_errors_of_a_models_own_friction_are_tolerated(change, share):
+    force = np.sign(np.sin(np.arange(2000) / 50.0))
+    keep = np.ones(2000, bool)
+    gap = JointGap(0, np.zeros((2000, 0)), change * force, keep, (), friction=force[:, None])
+    problem = JointProblem(gap.matrix, gap.target, np.arange(2000) // 500, keep)
+    gate = Gate(problem, np.array([0]), np.ones(2000))
+    found = Search(gap, (), problem, gate, (), problem.errors())
+    assert found.tolerated == pytest.approx(share * float(gap.target @ gap.target), rel=1e-3)
 
 
 def test_what_fits_the_rests_alone_does_not_agree():
