@@ -43,8 +43,9 @@ AGREES, SLACK, HARM = 0.7, 0.05, 0.02
 """How much of the force that an effect predicts must be there, at rest and in motion; shares of the squared residual
 that may be lacking of that, and that it may at most add."""
 
-FEW, MOVING = 0.02, 2
-"""Share of rows, at rest or in motion, that are too few to ask; the first class of speed that is motion."""
+MOVING, FEW, RESTS = 2, 0.02, 0.1
+"""First class of speed that is motion; share of rows without which motion, and rest, are not asked: a log whose joint
+stands for less is one of reversals."""
 
 WORSE = 0.05
 """Share of what is gained over all folds that may be lost on some, where each has the shape that the others found."""
@@ -123,8 +124,9 @@ class Search:
         """Whether a candidate helps in every fold, at rest and in motion, without nuisance, and by any fold's shape."""
         assert trial.errors is not None
         moving = self.gate.classes >= MOVING
+        groups = [rows for rows, share in ((moving, FEW), (~moving, RESTS)) if rows.mean() > share]
         everywhere = bool(np.all(trial.errors.held_out < self.before.held_out))
-        everywhere = everywhere and agrees(self.problem, columns, (moving, ~moving))
+        everywhere = everywhere and agrees(self.problem, columns, groups)
         return everywhere and self._shrinks(panel, trial) and self._repeats(panel, trial)
 
     def p_value(self, columns: FloatArray, looks: int) -> float:
@@ -182,14 +184,14 @@ def agrees(problem: JointProblem, columns: FloatArray, groups: Sequence[BoolArra
     Args:
         problem: the regression that the effect would be added to.
         columns: the effect's (N, k).
-        groups: rows (N,) of each group; those of few rows are not asked.
+        groups: rows (N,) of each group.
     """
     before, after = problem.held_out(columns[:, :0]), problem.held_out(columns)
     for rows in groups:
         square, left = float(np.sum(before[rows] ** 2)), float(np.sum(after[rows] ** 2))
         predicted = float(np.sum((before[rows] - after[rows]) ** 2))
         least = max((2.0 * AGREES - 1.0) * predicted - SLACK * square, -HARM * square)
-        if rows.mean() > FEW and square - left < least:
+        if square - left < least:
             return False
     return True
 
