@@ -20,6 +20,7 @@ from comparisons.hidden_effects.styles import STYLES, reference
 from comparisons.virtual_robot.figures import usual_torque
 from comparisons.virtual_robot.load import perturbed
 from ident.arrays import FloatArray
+from ident.gap.baseline import SMOOTHINGS
 from ident.log import JointLog
 from ident.robot import Robot, load_robot
 from ident.signals import zero_phase
@@ -33,9 +34,6 @@ PANDA_JOINTS = [f"panda_joint{k}" for k in range(1, 8)]
 WHOLE_ROBOT = ("payload", "base-tilt", "delay", "filter-lag")
 CHANGES = ("payload", "drive-gain", "rotor-inertia", "current-offset")
 """Effects that a refitted baseline absorbs: they show against a model that was identified before the change."""
-
-SLOWEST_TURN = 1e-2
-"""Speed [rad/s] over which the baseline's sign of velocity turns at most."""
 
 
 @dataclass(frozen=True)
@@ -226,7 +224,7 @@ class Maker:
             links = self.robot.rigid_body.regressor(s.q, s.dq, s.ddq)[:, j, columns]
             v = s.dq[:, j]
             # The baseline chooses over which speed its sign of velocity turns.
-            own = [sign(v), sign(v, SLOWEST_TURN), v, s.ddq[:, j], np.ones(len(s.t))]
+            own = [sign(v), sign(v, float(SMOOTHINGS[-1])), v, s.ddq[:, j], np.ones(len(s.t))]
             rows.append(np.column_stack([links, *own]))
         matrix = np.vstack(rows)
         matrix /= np.linalg.norm(matrix, axis=0)

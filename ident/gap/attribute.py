@@ -6,11 +6,11 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 from ident.effects.base import Survey
-from ident.gap.candidates import Trial, admissible, refine, with_errors
-from ident.gap.joint_gap import JointGap, Named, gate_of
+from ident.gap.candidates import Trial, refine, with_errors
+from ident.gap.joint_gap import JointGap, Named
 from ident.gap.panel import Panel
-from ident.gap.problem import JointProblem, gain
-from ident.gap.search import GAIN, Search, kind_of, law_error, penalised, search
+from ident.gap.problem import gain
+from ident.gap.search import GAIN, Beside, Search, kind_of, law_error, penalised, search
 
 MOST = 4
 """Effects at most that one joint is given."""
@@ -29,7 +29,7 @@ def attribute(panel: Panel, survey: Survey, first: Search) -> Search:
     """
     gap = first.gap
     last = _grown(panel, survey, first)
-    bold = last.winner(panel, panel.robot.n, certain=False) if len(last.named) < MOST - 1 else None
+    bold = last.winner(panel, certain=False) if len(last.named) < MOST - 1 else None
     if bold is not None:
         more = _grown(panel, survey, search(panel, survey, gap, [*last.named, bold]))
         enough = len(more.named) > len(last.named) + 1
@@ -41,7 +41,7 @@ def attribute(panel: Panel, survey: Survey, first: Search) -> Search:
 def _grown(panel: Panel, survey: Survey, tried: Search) -> Search:
     """Add effects to those named while one passes; return the search in which none does."""
     gap, named = tried.gap, list(tried.named)
-    while len(named) < MOST and (found := tried.winner(panel, panel.robot.n)) is not None:
+    while len(named) < MOST and (found := tried.winner(panel)) is not None:
         named.append(found)
         if len(named) > 1:
             named = _swapped(panel, gap, named)
@@ -52,45 +52,34 @@ def _grown(panel: Panel, survey: Survey, tried: Search) -> Search:
 
 def _holds_beside(panel: Panel, gap: JointGap, one: Named, named: Sequence[Named]) -> bool:
     """Whether an effect passes with all the others in place."""
-    others = [n for n in named if n is not one]
-    problem = gap.problem(panel, [n.trial for n in others])
-    trial, before = with_errors(panel, problem, one.trial, gap.joint), problem.errors()
-    assert trial.errors is not None
-    beside = Search(gap, tuple(others), problem, gate_of(panel, problem, gap.joint), (trial,), before)
-    if gain(before.total, trial.errors.total) <= GAIN or trial.at_bound:
-        return False
-    return beside.holds(panel, trial, admissible(panel, problem, trial.effect, trial.shape, gap.joint))
+    beside = Beside.of(panel, gap, [n for n in named if n is not one])
+    return beside.passes(panel, with_errors(panel, beside.problem, one.trial, gap.joint))
 
 
 def _swapped(panel: Panel, gap: JointGap, named: list[Named]) -> list[Named]:
     """Fit shapes again, each effect's among the others, and put a rival in its place where that is better and holds."""
     for k, old in enumerate(named):
-        others = [n for n in named if n is not old]
-        problem = gap.problem(panel, [n.trial for n in others])
+        beside = Beside.of(panel, gap, [n for n in named if n is not old])
         taken = {kind_of(n.effect) for n in named}
         rivals = [t for t in old.ranking[:6] if kind_of(t.effect) not in taken]
-        again = (_again(panel, problem, t, gap.joint) for t in [old.trial, *rivals])
-        tried = sorted((with_errors(panel, problem, t, gap.joint) for t in again), key=penalised)
+        again = (_again(panel, beside, t) for t in [old.trial, *rivals])
+        tried = sorted((with_errors(panel, beside.problem, t, gap.joint) for t in again), key=penalised)
         untried = [t for t in old.ranking if all(t.effect is not x.effect for x in tried)]
-        best = next(t for t in tried if t.effect is old.effect or _could_replace(panel, gap, old, t, others))
+        best = next(t for t in tried if t.effect is old.effect or _could_replace(panel, beside, old, t))
         named[k] = replace(old, trial=best, ranking=(*tried, *untried))
     return named
 
 
-def _could_replace(panel: Panel, gap: JointGap, old: Named, trial: Trial, others: Sequence[Named]) -> bool:
+def _could_replace(panel: Panel, beside: Beside, old: Named, trial: Trial) -> bool:
     """Whether a rival passes in a name's place, which is no limit of it."""
-    assert trial.errors is not None
-    explained = gap.problem(panel, [n.trial for n in others]).errors().total - trial.errors.total
-    if old.effect.name in trial.effect.contains or explained <= law_error(trial.effect, others):
+    if old.effect.name in trial.effect.contains or beside.explained(trial) <= law_error(trial.effect, beside.named):
         return False
-    new = replace(old, trial=trial)
-    return _holds_beside(panel, gap, new, [*others, new])
+    return beside.passes(panel, trial)
 
 
-def _again(panel: Panel, problem: JointProblem, trial: Trial, joint: int) -> Trial:
-    columns = admissible(panel, problem, trial.effect, trial.shape, joint)
-    now = replace(trial, drop=problem.drop(columns))
-    return refine(panel, problem, now, joint) if trial.effect.shapes else now
+def _again(panel: Panel, beside: Beside, trial: Trial) -> Trial:
+    now = replace(trial, drop=beside.problem.drop(beside.columns(panel, trial)))
+    return refine(panel, beside.problem, now, beside.joint) if trial.effect.shapes else now
 
 
 def _pruned(panel: Panel, gap: JointGap, named: list[Named]) -> list[Named]:

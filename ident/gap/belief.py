@@ -10,7 +10,7 @@ from ident.effects.base import Survey
 from ident.gap.abstain import explainable
 from ident.gap.constancy import inconstancy
 from ident.gap.gate import speed_classes
-from ident.gap.joint_gap import JointGap, Named, starts_of
+from ident.gap.joint_gap import JointGap, Named, speed_of, starts_of
 from ident.gap.panel import Panel
 from ident.gap.problem import JointProblem
 from ident.gap.report import Unexplained
@@ -73,13 +73,15 @@ def unexplained(
 
 def _explained(panel: Panel, gap: JointGap, problem: JointProblem, doubted: Sequence[Named]) -> float:
     """Share of a problem's squared residual that further effects explain."""
+    if not doubted:
+        return 0.0
     left = gap.problem(panel, [n.trial for n in doubted]).residual
     return 1.0 - float(left @ left) / max(float(problem.residual @ problem.residual), 1e-300)
 
 
 def _line(panel: Panel, problem: JointProblem, joint: int) -> tuple[float, float] | None:
     """Frequency [Hz] and share of a line in what is left, or in what is left while the joint rests or creeps."""
-    still = speed_classes(np.abs(panel.velocity[problem.keep, joint])) < FAST
+    still = speed_classes(speed_of(panel, problem, joint)) < FAST
     for rows in (np.ones(len(problem), dtype=bool), still):
         if rows.mean() > FEW:
             line = spectral_line(problem.residual * rows, starts_of(panel, problem), row_step(panel))

@@ -80,9 +80,15 @@ def starts_of(panel: Panel, problem: JointProblem) -> IntArray:
     return np.unique(np.searchsorted(problem.keep, panel.start))
 
 
+def speed_of(panel: Panel, problem: JointProblem, joint: int) -> FloatArray:
+    """A joint's speed (N,) in the rows that count."""
+    speed: FloatArray = np.abs(panel.velocity[problem.keep, joint])
+    return speed
+
+
 def gate_of(panel: Panel, problem: JointProblem, joint: int) -> Gate:
     """The gate of a joint's rows."""
-    return Gate(problem, starts_of(panel, problem), np.abs(panel.velocity[problem.keep, joint]))
+    return Gate(problem, starts_of(panel, problem), speed_of(panel, problem, joint))
 
 
 def nested_errors(panel: Panel, gap: JointGap, named: Sequence[Trial], effect: Effect) -> FloatArray:

@@ -10,7 +10,7 @@ import numpy as np
 from ident.effects import load_catalogue
 from ident.effects.base import Effect, Survey
 from ident.gap.candidates import forms
-from ident.gap.joint_gap import JointGap
+from ident.gap.joint_gap import JointGap, speed_of
 from ident.gap.panel import Panel
 from ident.gap.problem import JointProblem
 
@@ -61,7 +61,7 @@ def _reason(
     panel: Panel, survey: Survey, gap: JointGap, problem: JointProblem, effects: Sequence[Effect]
 ) -> str | None:
     joint, name = gap.joint, effects[0].name
-    speed = np.abs(panel.velocity[problem.keep, joint])
+    speed = speed_of(panel, problem, joint)
     if np.quantile(speed, 0.99) < REST:
         return "the joint never moves"
     if name in ("coulomb-asymmetry", "maxwell-slip") and np.mean(speed < REST) < RESTS:

@@ -12,8 +12,8 @@ from scipy.optimize import lsq_linear
 from ident.arrays import BoolArray, FloatArray
 from ident.effects.base import Effect, Survey
 from ident.gap.candidates import Trial, admissible, best_trials, forms
-from ident.gap.gate import Gate
-from ident.gap.joint_gap import JointGap, Named, gate_of, nested_errors
+from ident.gap.gate import Gate, speed_classes
+from ident.gap.joint_gap import JointGap, Named, gate_of, nested_errors, speed_of
 from ident.gap.panel import Panel
 from ident.gap.problem import Errors, JointProblem, gain
 from ident.uncertainty import correlation_time
@@ -52,93 +52,57 @@ WORSE = 0.05
 
 
 @dataclass(frozen=True, eq=False)
-class Search:
-    """All candidates tried on a joint, given what is named already.
+class Beside:
+    """What a joint lacks beside what is named.
 
     Attributes:
         gap: the joint's rows.
         named: what is named already.
-        problem: the regression they were added to.
-        gate: its surrogates, which have seen all of them.
-        trials: the candidates, best first.
+        problem: the regression to which effects are added.
         before: squared residuals without any of them.
     """
 
     gap: JointGap
     named: tuple[Named, ...]
     problem: JointProblem
-    gate: Gate
-    trials: tuple[Trial, ...]
     before: Errors
 
-    @property
-    def best_error(self) -> float:
-        """Smallest held-out squared residual of all candidates."""
-        return min((t.errors.total for t in self.trials if t.errors is not None), default=self.before.total)
+    @classmethod
+    def of(cls, panel: Panel, gap: JointGap, named: Sequence[Named]) -> Beside:
+        """A joint's rows with effects named among the baseline's."""
+        problem = gap.problem(panel, [n.trial for n in named])
+        return cls(gap, tuple(named), problem, problem.errors())
 
     @property
     def joint(self) -> int:
         """The joint."""
         return self.gap.joint
 
-    @cached_property
-    def tolerated(self) -> float:
-        """Squared residual that small errors of the model's own friction explain."""
-        if self.gap.friction is None:
-            return 0.0
-        columns, left = self.problem.away(self.gap.friction[self.problem.keep]), self.problem.residual
-        return float(left @ left - 2.0 * lsq_linear(columns, left, bounds=(-OWN, OWN)).cost)
-
-    def winner(self, panel: Panel, looks: int, certain: bool = True) -> Named | None:
-        """The best candidate that passes the gate, if there is one; ``looks`` joints share the level.
-
-        Unless it must be ``certain``, it need not hold everywhere: what it lacks, other causes may bring.
-        """
-        for trial in self.trials:
-            assert trial.errors is not None
-            gained = gain(self.before.total, trial.errors.total)
-            explained = self._explained(trial)
-            least = max(law_error(trial.effect, self.named), BEYOND * self.tolerated)
-            if gained <= GAIN or trial.at_bound or explained <= least:
-                continue
-            columns = admissible(panel, self.problem, trial.effect, trial.shape, self.joint)
-            if not self._worth(columns, trial, gained):
-                continue
-            p_value = self.p_value(columns, looks)
-            if p_value <= LEVEL and (not certain or self.holds(panel, trial, columns)):
-                plain = self._limit_of(trial)
-                return Named(plain, p_value, self._explained(plain), self.trials)
-        return None
-
-    def _limit_of(self, trial: Trial) -> Trial:
-        """A candidate, or the best of its limits if that explains nearly as much: the plain law comes first."""
-        limits = [t for t in self.trials if t.effect.name in trial.effect.contains]
-        enough = PLAIN * self._explained(trial)
-        return next((t for t in limits if self._explained(t) > enough), trial)
-
-    def _explained(self, trial: Trial) -> float:
+    def explained(self, trial: Trial) -> float:
         """By how much a candidate lowers the held-out squared residual."""
         return self.before.total - (trial.errors.total if trial.errors is not None else np.inf)
+
+    def gains(self, trial: Trial) -> bool:
+        """Whether a candidate lowers the residual by enough, with a shape that is its law's."""
+        assert trial.errors is not None
+        return gain(self.before.total, trial.errors.total) > GAIN and not trial.at_bound
+
+    def passes(self, panel: Panel, trial: Trial) -> bool:
+        """Whether a candidate gains enough and holds."""
+        return self.gains(trial) and self.holds(panel, trial, self.columns(panel, trial))
 
     def holds(self, panel: Panel, trial: Trial, columns: FloatArray) -> bool:
         """Whether a candidate helps in every fold, at rest and in motion, without nuisance, and by any fold's shape."""
         assert trial.errors is not None
-        moving = self.gate.classes >= MOVING
+        moving = speed_classes(speed_of(panel, self.problem, self.joint)) >= MOVING
         groups = [rows for rows, share in ((moving, FEW), (~moving, RESTS)) if rows.mean() > share]
         everywhere = bool(np.all(trial.errors.held_out < self.before.held_out))
         everywhere = everywhere and agrees(self.problem, columns, groups)
         return everywhere and self._shrinks(panel, trial) and self._repeats(panel, trial)
 
-    def p_value(self, columns: FloatArray, looks: int) -> float:
-        """Chance of so good a candidate as columns (N, k) where there is nothing, on any of ``looks`` joints."""
-        return min(1.0, looks * self.gate.p_value(self.gate.statistic(columns)))
-
-    def least_p_value(self, panel: Panel, looks: int) -> float:
-        """The same of the candidate that predicts best."""
-        if not self.trials:
-            return 1.0
-        best = self.trials[0]
-        return self.p_value(admissible(panel, self.problem, best.effect, best.shape, self.joint), looks)
+    def columns(self, panel: Panel, trial: Trial) -> FloatArray:
+        """Columns (N, k) of a candidate in the rows that count."""
+        return admissible(panel, self.problem, trial.effect, trial.shape, self.joint)
 
     def _shrinks(self, panel: Panel, trial: Trial) -> bool:
         """Whether the model as it will be delivered, without nuisance, gains by the effect as well."""
@@ -153,12 +117,71 @@ class Search:
         better = bool(-fall[fall < 0.0].sum() <= WORSE * fall.sum())
         return better and gain(self.before.total, float(held_out.sum())) > GAIN
 
-    def _worth(self, columns: FloatArray, trial: Trial, gained: float) -> bool:
+
+@dataclass(frozen=True, eq=False)
+class Search(Beside):
+    """All candidates tried on a joint beside what is named.
+
+    Attributes:
+        gate: its surrogates, which have seen all of them.
+        trials: the candidates, best first.
+    """
+
+    gate: Gate
+    trials: tuple[Trial, ...]
+
+    @property
+    def best_error(self) -> float:
+        """Smallest held-out squared residual of all candidates."""
+        return min((t.errors.total for t in self.trials if t.errors is not None), default=self.before.total)
+
+    @cached_property
+    def tolerated(self) -> float:
+        """Squared residual that small errors of the model's own friction explain."""
+        if self.gap.friction is None:
+            return 0.0
+        columns, left = self.problem.away(self.problem.of(self.gap.friction)), self.problem.residual
+        return float(left @ left - 2.0 * lsq_linear(columns, left, bounds=(-OWN, OWN)).cost)
+
+    def winner(self, panel: Panel, certain: bool = True) -> Named | None:
+        """The best candidate that passes the gate, if there is one; all joints of the robot share the level.
+
+        Unless it must be ``certain``, it need not hold everywhere: what it lacks, other causes may bring.
+        """
+        for trial in self.trials:
+            least = max(law_error(trial.effect, self.named), BEYOND * self.tolerated)
+            if not self.gains(trial) or self.explained(trial) <= least:
+                continue
+            columns = self.columns(panel, trial)
+            if not self._worth(columns, trial):
+                continue
+            p_value = self._p_value(panel, columns)
+            if p_value <= LEVEL and (not certain or self.holds(panel, trial, columns)):
+                plain = self._limit_of(trial)
+                return Named(plain, p_value, self.explained(plain), self.trials)
+        return None
+
+    def least_p_value(self, panel: Panel) -> float:
+        """Chance of so good a candidate as the one that predicts best where there is nothing, on any joint."""
+        return self._p_value(panel, self.columns(panel, self.trials[0])) if self.trials else 1.0
+
+    def _limit_of(self, trial: Trial) -> Trial:
+        """A candidate, or the best of its limits if that explains nearly as much: the plain law comes first."""
+        limits = [t for t in self.trials if t.effect.name in trial.effect.contains]
+        enough = PLAIN * self.explained(trial)
+        return next((t for t in limits if self.explained(t) > enough), trial)
+
+    def _p_value(self, panel: Panel, columns: FloatArray) -> float:
+        return min(1.0, panel.robot.n * self.gate.p_value(self.gate.statistic(columns)))
+
+    def _worth(self, columns: FloatArray, trial: Trial) -> bool:
         """Whether a gain pays for the effect's parameters and for having been searched, in independent samples.
 
         Schwarz's criterion with the number of samples divided by the residual's correlation time, and the logarithm
         of the number of candidates (Chen and Chen 2008).
         """
+        assert trial.errors is not None
+        gained = gain(self.before.total, trial.errors.total)
         left = self.problem.left(columns)
         samples = len(left) / correlation_time(left)
         price = 0.5 * (columns.shape[1] + len(trial.shape)) * np.log(max(samples, 2.0)) + np.log(len(self.trials))
@@ -169,10 +192,10 @@ def search(panel: Panel, survey: Survey, gap: JointGap, named: Sequence[Named] =
     """Try what a joint does not have yet, besides what is named."""
     taken = {kind_of(n.effect) for n in named}
     effects = [e for e in forms(survey, gap.joint, gap.present) if kind_of(e) not in taken]
-    problem = gap.problem(panel, [n.trial for n in named])
-    gate = gate_of(panel, problem, gap.joint)
+    place = Beside.of(panel, gap, named)
+    gate = gate_of(panel, place.problem, gap.joint)
     trials = best_trials(panel, gate, effects, gap.joint)
-    return Search(gap, tuple(named), problem, gate, tuple(sorted(trials, key=penalised)), problem.errors())
+    return Search(gap, place.named, place.problem, place.before, gate, tuple(sorted(trials, key=penalised)))
 
 
 def agrees(problem: JointProblem, columns: FloatArray, groups: Sequence[BoolArray]) -> bool:

@@ -129,7 +129,7 @@ class _Workflow:
         wholes: list[Whole] = []
         self.tell("trying effects", 0.0)
         searches = self.seen_anew(self.searches(gaps))
-        p_values = np.array([one.least_p_value(self.panel, self.model.n) for one in searches])
+        p_values = np.array([one.least_p_value(self.panel) for one in searches])
         self.tell("trying effects", 0.5)
         for _ in range(2):
             found = whole_effect(self.panel, self.survey, searches, self.known(wholes))
@@ -153,14 +153,16 @@ class _Workflow:
         """Names that are not believed, or else the effect that passes the gate but does not hold everywhere."""
         if last.named:
             return list(last.named)
-        bold = last.winner(self.panel, self.model.n, certain=False)
+        bold = last.winner(self.panel, certain=False)
         return [] if bold is None else [bold]
 
     def seen_anew(self, searches: Sequence[Search]) -> list[Search]:
         """The searches, anew where an effect of the total force is likely: fitted without it, links have bent to it."""
-        likely = {one.joint: one.winner(self.panel, self.model.n, certain=False) for one in searches}
+        if not self.refit:
+            return list(searches)
+        likely = {one.joint: one.winner(self.panel, certain=False) for one in searches}
         dependent = {j: n.trial for j, n in likely.items() if n is not None and "total" in n.effect.needs}
-        if not (self.refit and dependent):
+        if not dependent:
             return list(searches)
         terms = [
             Term(trial.effect, trial.shape, coefficients(self.panel, searches[j].problem, trial, j))

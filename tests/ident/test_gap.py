@@ -149,7 +149,7 @@ def test_what_only_a_name_that_is_not_believed_explains_is_unexplained(arm):
     assert [one.joints for one in found.unexplained] == [(1,)]
 
 
-def test_friction_that_changed_is_named_and_errors_of_its_size_are_not(arm):
+def test_friction_that_changed_is_named(arm):
     model = baseline_model(arm, logs(arm, 1))
     stiffer = logs(arm, 4, hidden=lambda t, q, dq: 0.16 * np.tanh(dq[:, 1] / 2e-3))
     found = find_gap(model, stiffer, refit=False)
@@ -164,7 +164,7 @@ def test_small_errors_of_a_models_own_friction_are_tolerated(change, share):
     gap = JointGap(0, np.zeros((2000, 0)), change * force, keep, (), friction=force[:, None])
     problem = JointProblem(gap.matrix, gap.target, np.arange(2000) // 500, keep)
     gate = Gate(problem, np.array([0]), np.ones(2000))
-    found = Search(gap, (), problem, gate, (), problem.errors())
+    found = Search(gap, (), problem, problem.errors(), gate, ())
     assert found.tolerated == pytest.approx(share * float(gap.target @ gap.target), rel=1e-3)
 
 
