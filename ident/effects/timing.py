@@ -29,18 +29,21 @@ class _Timing(Effect):
         total = context.needed("total", self.name)
         return np.ascontiguousarray(total if self.joint is None else total[:, self.joint, None])
 
-    def start(self) -> FloatArray:
-        """Return the last time and values, not known before the first sample."""
-        return np.full(1 + MOST_JOINTS, np.nan)
-
 
 MOST_JOINTS = 32
 """Joints for which the memory has room."""
 
+SAMPLES = 512
+"""Samples of the past that a delay remembers."""
+
 
 @dataclass(frozen=True)
 class Delay(_Timing):
-    """A current that is stamped late, or a position that is stamped early: to first order minus its rate of change."""
+    """A current that is stamped late, or a position that is stamped early.
+
+    Minus the total's mean rate of change over a span of time before each sample: over a span as long as the delay this
+    is the delay itself, over any span it is the delay to first order, which also a lead is (negative seconds).
+    """
 
     name = "delay"
     family = "timing"
@@ -48,13 +51,22 @@ class Delay(_Timing):
     rivals = ("filter-lag", "rotor-inertia")
     excitation = "several frequencies: gravity and the edges of friction come late too, not inertia alone"
 
+    @property
+    def shapes(self) -> tuple[Shape, ...]:
+        """Return the span; at its shortest, one sample or less, it is the first order."""
+        return (Shape("span", "s", 1e-3, 0.1, (2e-3, 6e-3, 18e-3, 54e-3), ends=(False, True)),)
+
     def coefficients(self, robot: Robot) -> tuple[Coefficient, ...]:
         """Return the delay."""
         return (Coefficient("seconds", "s"),)
 
+    def start(self) -> FloatArray:
+        """Return the last times and values, none known before the first sample."""
+        return np.full(SAMPLES * (1 + MOST_JOINTS), np.nan)
+
     def columns(self, context: Context, shape: FloatArray, memory: FloatArray) -> FloatArray:
-        """Return minus the rate of the total."""
-        rate = _rate(np.ascontiguousarray(context.motion.t), self.signal(context), memory)
+        """Return minus the mean rate of the total over the span."""
+        rate = _mean_rate(context.motion.t, self.signal(context), float(shape[0]), memory)
         return -rate if self.joint is not None else -rate[:, :, None]
 
 
@@ -77,6 +89,10 @@ class FilterLag(_Timing):
         """Return the share of the current that passes the filter; one for a plain low pass."""
         return (Coefficient("share", "1", lower=0.0),)
 
+    def start(self) -> FloatArray:
+        """Return the last time and values, not known before the first sample."""
+        return np.full(1 + MOST_JOINTS, np.nan)
+
     def columns(self, context: Context, shape: FloatArray, memory: FloatArray) -> FloatArray:
         """Return the low pass of the total less the total."""
         signal = self.signal(context)
@@ -84,17 +100,16 @@ class FilterLag(_Timing):
         return lag if self.joint is not None else lag[:, :, None]
 
 
-@compiled
-def _rate(t: FloatArray, x: FloatArray, memory: FloatArray) -> FloatArray:
-    """Backward difference; nought at the first sample."""
-    out = np.zeros_like(x)
-    for k in range(len(t)):
-        for j in range(x.shape[1]):
-            if not np.isnan(memory[0]):
-                out[k, j] = (x[k, j] - memory[1 + j]) / (t[k] - memory[0])
-            memory[1 + j] = x[k, j]
-        memory[0] = t[k]
-    return out
+def _mean_rate(t: FloatArray, x: FloatArray, span: float, memory: FloatArray) -> FloatArray:
+    """Mean rate of change (N, k) of x (N, k) over the span before each sample; before the first, x stands still."""
+    joints = x.shape[1]
+    known = memory.reshape(SAMPLES, 1 + MOST_JOINTS)[:, : 1 + joints]
+    past = np.vstack([known[~np.isnan(known[:, 0])], np.column_stack([t, x])])
+    earlier = np.column_stack([np.interp(t - span, past[:, 0], past[:, 1 + j]) for j in range(joints)])
+    kept = min(len(past), SAMPLES)
+    known[SAMPLES - kept :] = past[-kept:]
+    rate: FloatArray = (x - earlier) / span
+    return rate
 
 
 @compiled

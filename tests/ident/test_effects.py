@@ -10,6 +10,7 @@ from ident.effects.base import Context, Effect, initial_term
 from ident.effects.friction import Coulomb, LoadFriction
 from ident.effects.hysteresis import MaxwellSlip
 from ident.effects.rigid_body import Links, RotorInertia
+from ident.effects.timing import Delay
 from ident.errors import InputError
 from ident.model import NEWTON_METRE, CurrentModel
 from ident.robot import load_robot
@@ -131,6 +132,18 @@ def test_links_of_one_row_are_those_of_the_robot(vs060, context):
         own = Links(joint).base(vs060)
         row = Links(joint).columns(context, np.zeros(0), np.zeros(0)) @ (own.projection @ vs060.multibody.parameters)
         np.testing.assert_allclose(row, torque[:, joint], atol=1e-4)
+
+
+def test_a_delay_over_a_span_of_its_own_length_is_exact(vs060):
+    t = np.arange(400) * 0.002
+    total = np.tanh(np.sin(9.0 * t)[:, None] / np.linspace(0.01, 1.0, 6))
+    still = np.zeros_like(total)
+    context = Context(vs060, Motion(t, still, still, still), total=total)
+    late = np.vstack([np.repeat(total[:1], 5, axis=0), total[:-5]])
+    whole = 0.01 * Delay(None).columns(context, np.array([0.01]), Delay(None).start())[:, :, 0]
+    np.testing.assert_allclose(total + whole, late, atol=1e-9)
+    first_order = Delay(4).columns(context, np.array([0.001]), Delay(4).start())[1:, 0]
+    np.testing.assert_allclose(first_order, -np.diff(total[:, 4]) / 0.002, atol=1e-9)
 
 
 def test_maxwell_elements_stick_slip_and_remember(vs060):
