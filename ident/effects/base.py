@@ -91,11 +91,6 @@ class Context:
         """Joint torque regressor (N, n, 10 n) of the links, computed once for all effects that need it."""
         return self.robot.rigid_body.regressor(self.motion.q, self.motion.dq, self.motion.ddq)
 
-    @cached_property
-    def mass_matrix(self) -> FloatArray:
-        """Mass matrix (N, n, n) of the fitted links, in force units."""
-        return self.robot.rigid_body.mass_matrix(self.motion.q, self.needed("links", "mass matrix"))
-
 
 @dataclass(frozen=True)
 class Survey:

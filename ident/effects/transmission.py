@@ -24,6 +24,9 @@ USUAL_RATIO = 100.0
 GEAR_HARMONICS = 2.5
 """A gear repeats at most this many times a turn of its motor (a wave generator twice); motor poles more often."""
 
+REMEMBERED = 5
+"""Samples before a row from which a load's derivatives are extrapolated."""
+
 POLE_HARMONICS = 8.0
 """Repeats a turn of the motor up to which its poles are looked for."""
 
@@ -142,9 +145,15 @@ def most_of_gears(survey: Survey, joint: int) -> float:
 class Elasticity(Effect):
     """A spring between motor and link (Spong 1987): the link lags behind the motor by the load over the stiffness.
 
-    To first order in the compliance the motor then carries less inertia and another weight:
-    ``-(M_jj load'' + d(load)/dq load) / stiffness``.
+    The motor carries what the links need where the link is, ``ID(q - wind, dq - wind', ddq - wind'')`` instead of
+    ``ID(q, dq, ddq)``. The difference is taken for a wind-up that is a shape parameter and counts per unit of it: as
+    much as is reported is exact, any other is the spring to first order in its compliance.
+
+    Attributes:
+        largest: largest force that the model gives on the logs, at which the wind-up is told.
     """
+
+    largest: float = 1.0
 
     name = "elasticity"
     family = "transmission"
@@ -152,40 +161,64 @@ class Elasticity(Effect):
     rivals = ("rotor-inertia", "delay", "backlash")
     excitation = "fast motion: accelerations at a third of the resonance and above"
 
+    @classmethod
+    def candidates(cls, survey: Survey, joint: int | None) -> list[Effect]:
+        """Try it against the largest force seen."""
+        return [] if joint is None else [cls(joint, float(survey.largest[joint]))]
+
+    @property
+    def shapes(self) -> tuple[Shape, ...]:
+        """Return the wind-up at the largest force for which the links' force is computed."""
+        return (Shape("wound", "{angle}", 1e-4, 1.0, (1e-3, 1e-2, 0.1), ends=(False, True)),)
+
     def coefficients(self, robot: Robot) -> tuple[Coefficient, ...]:
-        """Return the compliance."""
-        return (Coefficient("compliance", "{angle}/{current}", lower=0.0),)
+        """Return the wind-up at the largest force."""
+        return (Coefficient("wind_up", "{angle}", lower=0.0),)
 
     def start(self) -> FloatArray:
-        """Return times and loads of the last two samples, not known before."""
-        return np.full(4, np.nan)
+        """Return times and loads of the last samples, newest first, not known before."""
+        return np.full(2 * REMEMBERED, np.nan)
 
     def columns(self, context: Context, shape: FloatArray, memory: FloatArray) -> FloatArray:
-        """Return the first-order change of the load by a unit of compliance."""
-        links, joint = context.needed("links", self.name), self.at
+        """Return the change of the load by the wind-up, per unit of it."""
+        links, joint, motion = context.needed("links", self.name), self.at, context.motion
         load = np.ascontiguousarray(context.needed("load", self.name)[:, joint])
-        body, q, rest = context.robot.rigid_body, context.motion.q, np.zeros_like(context.motion.q)
-        inertia = context.mass_matrix[:, joint, joint]
-        step = np.zeros(context.robot.n)
-        step[joint] = 1e-4
-        sides = [body.inverse_dynamics(q + sign * step, rest, rest, links)[:, joint] for sign in (1.0, -1.0)]
-        slope = (sides[0] - sides[1]) / 2e-4
-        bend = _second_difference(np.ascontiguousarray(context.motion.t), load, memory)
-        return -(inertia * bend + slope * load)[:, None]
+        softness = float(shape[0]) / max(self.largest, 1e-12)
+        link = np.stack([motion.q, motion.dq, motion.ddq])
+        past = memory.reshape(2, REMEMBERED)
+        link[:, :, joint] -= softness * _with_derivatives(np.ascontiguousarray(motion.t), load, past[0], past[1])
+        carried = context.robot.rigid_body.inverse_dynamics(link[0], link[1], link[2], links)
+        change: FloatArray = (carried[:, joint] - load) / shape[0]
+        return change[:, None]
 
     def summary(self, robot: Robot, shape: FloatArray, coefficients: FloatArray) -> dict[str, float | list[float]]:
         """Return the stiffness."""
-        return {"stiffness": float(1.0 / coefficients[0]) if coefficients[0] else float("inf")}
+        return {"stiffness": float(self.largest / coefficients[0]) if coefficients[0] else float("inf")}
 
 
 @compiled
-def _second_difference(t: FloatArray, x: FloatArray, memory: FloatArray) -> FloatArray:
-    """Second derivative at the middle of the last three samples; nought until there are three."""
-    out = np.zeros(len(t))
-    t2, t1, x2, x1 = memory
+def _with_derivatives(t: FloatArray, x: FloatArray, times: FloatArray, values: FloatArray) -> FloatArray:
+    """A signal with its first and second derivatives (3, N), from Newton's polynomial through the last samples.
+
+    Both are nought until there are enough. ``times`` and ``values`` remember those before the first, newest first.
+    """
+    out, points = np.zeros((3, len(t))), len(times) + 1
+    differences = np.empty(points)
     for k in range(len(t)):
-        if not np.isnan(t2):
-            out[k] = 2.0 * ((x[k] - x1) / (t[k] - t1) - (x1 - x2) / (t1 - t2)) / (t[k] - t2)
-        t2, t1, x2, x1 = t1, t[k], x1, x[k]
-    memory[0], memory[1], memory[2], memory[3] = t2, t1, x2, x1
+        out[0, k], differences[0], differences[1:] = x[k], x[k], values
+        if not np.isnan(times[-1]):
+            for order in range(1, points):
+                for i in range(points - 1, order - 1, -1):
+                    span = times[i - 1] - (t[k] if i == order else times[i - order - 1])
+                    differences[i] = (differences[i] - differences[i - 1]) / span
+            # The product of (t - t_i) over the samples before the newest, and its derivative.
+            product, slope = 1.0, 0.0
+            for order in range(1, points):
+                out[1, k] += differences[order] * product
+                out[2, k] += 2.0 * differences[order] * slope
+                step = t[k] - times[order - 1]
+                product, slope = product * step, slope * step + product
+        for i in range(len(times) - 1, 0, -1):
+            times[i], values[i] = times[i - 1], values[i - 1]
+        times[0], values[0] = t[k], x[k]
     return out

@@ -42,6 +42,9 @@ Progress = Callable[[str, float], None]
 SURE = 1e-6
 """Least p-value that is stated."""
 
+DEPENDENT = {"links", "total"}
+"""What effects need of a model that is fitted again with them before they are judged."""
+
 
 def find_gap(
     model: CurrentModel,
@@ -157,18 +160,19 @@ class _Workflow:
         return [] if bold is None else [bold]
 
     def seen_anew(self, searches: Sequence[Search]) -> list[Search]:
-        """The searches, anew where an effect of the total force is likely: fitted without it, links have bent to it."""
+        """The searches, anew where a likely effect depends on links that, fitted without it, have bent to it."""
         if not self.refit:
             return list(searches)
         likely = {one.joint: one.winner(self.panel, certain=False) for one in searches}
-        dependent = {j: n.trial for j, n in likely.items() if n is not None and "total" in n.effect.needs}
+        dependent = {j: n.trial for j, n in likely.items() if n is not None and DEPENDENT & {*n.effect.needs}}
         if not dependent:
             return list(searches)
         terms = [
             Term(trial.effect, trial.shape, coefficients(self.panel, searches[j].problem, trial, j))
             for j, trial in dependent.items()
         ]
-        self.panel = self.panel.seen_by(self.fitted(self.model, terms))
+        beside = self.fitted(self.model, terms)
+        self.panel = self.panel.seen_by(replace(beside, terms=beside.terms[: -len(terms)]))
         self.survey = survey_of(self.model, self.panel)
         return [search(self.panel, self.survey, one.gap) if one.joint in dependent else one for one in searches]
 
