@@ -88,7 +88,7 @@ class BaseTilt(Weighing):
         return self.in_force_units(np.stack(weights, axis=2))
 
 
-NEUTRAL = (0.0, 0.5, -0.5, 1.0, -1.0, 1.5, -1.5, 2.0, -2.0, 2.5, -2.5, 3.0, -3.0)
+NEUTRAL = tuple((0.25 * np.arange(-13, 14)).tolist())
 
 
 @dataclass(frozen=True)

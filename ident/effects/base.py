@@ -208,6 +208,10 @@ class Effect(ABC):
         names = [s.name for s in self.shapes] + [c.name for c in self.coefficients(robot)]
         return dict(zip(names, [*shape.tolist(), *coefficients.tolist()], strict=True))
 
+    def plausible(self, shape: FloatArray, coefficients: FloatArray) -> bool:
+        """Return whether fitted parameters are what the law means by them; by default all within bounds are."""
+        return True
+
     def current(self, context: Context, shape: FloatArray, coefficients: FloatArray, memory: FloatArray) -> FloatArray:
         """Current (N,) at the effect's joint, or (N, n), that the effect causes."""
         return self.columns(context, shape, memory) @ coefficients

@@ -33,6 +33,9 @@ class _Timing(Effect):
 MOST_JOINTS = 32
 """Joints for which the memory has room."""
 
+WHOLE = 1.5
+"""By how much the share of the current that comes late may be off one."""
+
 SAMPLES = 512
 """Samples of the past that a delay remembers."""
 
@@ -43,7 +46,12 @@ class Delay(_Timing):
 
     Minus the total's mean rate of change over a span of time before each sample: over a span as long as the delay this
     is the delay itself, over any span it is the delay to first order, which also a lead is (negative seconds).
+
+    Attributes:
+        sample: sampling period [s] of the logs, within which one span is as good as another.
     """
+
+    sample: float = 0.0
 
     name = "delay"
     family = "timing"
@@ -59,6 +67,15 @@ class Delay(_Timing):
     def coefficients(self, robot: Robot) -> tuple[Coefficient, ...]:
         """Return the delay."""
         return (Coefficient("seconds", "s"),)
+
+    @classmethod
+    def candidates(cls, survey: Survey, joint: int | None) -> list[Effect]:
+        """Try it on single joints and on the whole robot."""
+        return [cls(joint, 1.0 / survey.rate)]
+
+    def plausible(self, shape: FloatArray, coefficients: FloatArray) -> bool:
+        """Return whether all of the current comes late: a small share of it that comes much later is no delay."""
+        return float(shape[0]) <= max(WHOLE * abs(float(coefficients[0])), self.sample)
 
     def start(self) -> FloatArray:
         """Return the last times and values, none known before the first sample."""
@@ -88,6 +105,10 @@ class FilterLag(_Timing):
     def coefficients(self, robot: Robot) -> tuple[Coefficient, ...]:
         """Return the share of the current that passes the filter; one for a plain low pass."""
         return (Coefficient("share", "1", lower=0.0),)
+
+    def plausible(self, shape: FloatArray, coefficients: FloatArray) -> bool:
+        """Return whether about all of the current passes the filter."""
+        return 1.0 / WHOLE <= float(coefficients[0]) <= WHOLE
 
     def start(self) -> FloatArray:
         """Return the last time and values, not known before the first sample."""

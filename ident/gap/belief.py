@@ -31,6 +31,10 @@ CONSTANT, STEADY = 0.03, 0.025
 FAST, FEW = 3, 0.1
 """First class of speed that is no creeping; share of rows below it without which none is looked for in them alone."""
 
+SLOW, SEEN, RESTLESS = 2, 0.03, 4.0
+"""First class of speed that is motion; share of rows that rest, and motion, must have; how many times larger the mean
+square must be at rest than in motion for something to happen there, whatever it follows."""
+
 WORTH_SAYING = 0.06
 """Share of a joint's squared residual that must be explainable for it to be called unexplained."""
 
@@ -68,7 +72,10 @@ def unexplained(
     if slow > WORTH_SAYING:
         return [Unexplained((gap.joint,), ("t (wanders)",), slow)]
     line = _line(panel, problem, gap.joint)
-    return [] if line is None else [Unexplained((gap.joint,), (f"t ({line[0]:.2g} Hz)",), line[1])]
+    if line is not None:
+        return [Unexplained((gap.joint,), (f"t ({line[0]:.2g} Hz)",), line[1])]
+    restless = _restless(panel, problem, gap.joint)
+    return [Unexplained((gap.joint,), (f"|dq{gap.joint + 1}| (its size)",), restless)] if restless > 0.0 else []
 
 
 def _explained(panel: Panel, gap: JointGap, problem: JointProblem, doubted: Sequence[Named]) -> float:
@@ -88,6 +95,16 @@ def _line(panel: Panel, problem: JointProblem, joint: int) -> tuple[float, float
             if line is not None:
                 return line
     return None
+
+
+def _restless(panel: Panel, problem: JointProblem, joint: int) -> float:
+    """Share of the squared residual by which slow rows exceed fast ones; nought unless that is far more than noise."""
+    slow = speed_classes(speed_of(panel, problem, joint)) < SLOW
+    squares = problem.residual**2
+    if min(slow.mean(), 1.0 - slow.mean()) < SEEN or squares[slow].mean() < RESTLESS * squares[~slow].mean():
+        return 0.0
+    excess = slow.sum() * (squares[slow].mean() - squares[~slow].mean())
+    return float(excess / max(squares.sum(), 1e-300))
 
 
 def _wandering(panel: Panel, problem: JointProblem) -> float:

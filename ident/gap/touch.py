@@ -17,6 +17,9 @@ SMOOTH, SHORTEST, MARGIN = 0.2, 0.25, 0.3
 HEIGHT = 8.0
 """A touch stands out from the averaged residual by this many of its usual deviations."""
 
+BEYOND_NAMES = 2.0
+"""And by this many times the RMS of what is named on the joint, whose law may be as wrong in places."""
+
 RAREST = 0.25
 """Touches fill at most this share of the time; what is there more often is no touch."""
 
@@ -38,8 +41,8 @@ class Touches:
     episodes: int
 
 
-def find_touches(panel: Panel, residuals: FloatArray) -> Touches:
-    """Find contact in the residuals (N, n) that are left when all that could be named is taken away."""
+def find_touches(panel: Panel, residuals: FloatArray, named: FloatArray) -> Touches:
+    """Find contact in the residuals (N, n) that are left when all that could be named, (N, n), is taken away."""
     step = row_step(panel)
     touched = np.zeros(residuals.shape, dtype=bool)
     edges = np.append(panel.start, len(panel))
@@ -48,7 +51,8 @@ def find_touches(panel: Panel, residuals: FloatArray) -> Touches:
         if b > a:
             averaged[a:b] = uniform_filter1d(residuals[a:b], max(1, round(SMOOTH / step)), axis=0, mode="nearest")
     usual = 1.4826 * np.median(np.abs(averaged), axis=0)
-    high = np.abs(averaged) > HEIGHT * np.maximum(usual, 1e-300)
+    least = np.maximum(HEIGHT * usual, BEYOND_NAMES * np.sqrt(np.mean(named**2, axis=0)))
+    high = np.abs(averaged) > np.maximum(least, 1e-300)
     shortest = max(2, round(SHORTEST / step))
     for j in range(residuals.shape[1]):
         for a, b in itertools.pairwise(edges.tolist()):

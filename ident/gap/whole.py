@@ -54,8 +54,9 @@ class Whole:
 
     @property
     def standing(self) -> float:
-        """Its likelihood, less what laws are wrong by if it is at a bound: a filter quick enough is a delay."""
-        return self.likelihood * (1.0 - RIVAL_LAW if at_bound(self.effect, self.shape) else 1.0)
+        """Its likelihood, less what laws err by if its parameters are not its law's: a quick filter is a delay."""
+        proper = not at_bound(self.effect, self.shape) and self.effect.plausible(self.shape, self.coefficients)
+        return self.likelihood * (1.0 if proper else 1.0 - RIVAL_LAW)
 
 
 def whole_effect(

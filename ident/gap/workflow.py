@@ -252,11 +252,13 @@ class _Workflow:
         return np.concatenate(parts)
 
     def touches(self, gaps: Sequence[JointGap], named: Sequence[Sequence[Named]]) -> Touches:
-        residuals = np.zeros((len(self.panel), self.model.n))
+        residuals, explained = (np.zeros((len(self.panel), self.model.n)) for _ in range(2))
         for gap, names in zip(gaps, named, strict=True):
             problem = gap.problem(self.panel, [n.trial for n in names])
             residuals[problem.keep, gap.joint] = problem.residual
-        found = find_touches(self.panel, residuals)
+            if names:
+                explained[problem.keep, gap.joint] = gap.problem(self.panel).residual - problem.residual
+        found = find_touches(self.panel, residuals, explained)
         real = []
         for j in found.joints:
             # A burst that the motion predicts is an effect that was not named, and no touch.

@@ -10,7 +10,7 @@ from ident.effects.base import Context, Effect, initial_term
 from ident.effects.friction import Coulomb, LoadFriction
 from ident.effects.hysteresis import MaxwellSlip
 from ident.effects.rigid_body import Links, RotorInertia
-from ident.effects.timing import Delay
+from ident.effects.timing import Delay, FilterLag
 from ident.errors import InputError
 from ident.model import NEWTON_METRE, CurrentModel
 from ident.robot import load_robot
@@ -144,6 +144,15 @@ def test_a_delay_over_a_span_of_its_own_length_is_exact(vs060):
     np.testing.assert_allclose(total + whole, late, atol=1e-9)
     first_order = Delay(4).columns(context, np.array([0.001]), Delay(4).start())[1:, 0]
     np.testing.assert_allclose(first_order, -np.diff(total[:, 4]) / 0.002, atol=1e-9)
+
+
+def test_a_tenth_of_the_current_that_comes_late_is_no_delay():
+    delay, lag = Delay(None, sample=0.002), FilterLag(None)
+    assert delay.plausible(np.array([0.004]), np.array([0.0039]))
+    assert delay.plausible(np.array([0.002]), np.array([0.0005]))
+    assert not delay.plausible(np.array([0.02]), np.array([0.002]))
+    assert lag.plausible(np.array([20.0]), np.array([0.9]))
+    assert not lag.plausible(np.array([40.0]), np.array([1.7]))
 
 
 def test_maxwell_elements_stick_slip_and_remember(vs060):

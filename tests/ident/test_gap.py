@@ -197,6 +197,17 @@ def test_a_controller_that_hunts_while_the_joint_creeps_is_seen_and_not_named(ar
     assert one.depends_on == ("t (3.3 Hz)",)
 
 
+def test_what_happens_at_rest_and_follows_nothing_is_seen_and_not_named(arm):
+    def rattles(t, q, dq):
+        return 0.3 * np.exp(-((dq[:, 1] / 0.03) ** 2)) * np.random.default_rng(len(t)).standard_normal(len(t))
+
+    found = structure(arm, hidden=rattles)
+    assert found.findings == ()
+    (one,) = found.unexplained
+    assert one.joints == (1,)
+    assert one.depends_on == ("|dq2| (its size)",)
+
+
 def test_rows_whose_sign_of_velocity_is_noise_are_left_out_and_names_stay(arm):
     def noisy(seed):
         log = record(arm, seed, hidden=lambda t, q, dq: 0.8 * dq[:, 1] * np.abs(dq[:, 1]))
