@@ -231,17 +231,16 @@ class _Workflow:
         """The joint's rows: the model's columns if it is refitted, else what it leaves."""
         keep = np.ones(len(panel), dtype=bool)
         own = [t for t in self.model.terms if t.effect.joint in (None, joint)]
-        edge, target = edge_columns(panel, own, joint), panel.force[:, joint]
+        target, columns = panel.force[:, joint], [panel.columns(t.effect, t.shape, joint) for t in own]
         if not self.refit:
-            friction = [
-                panel.columns(t.effect, t.shape, joint) @ t.coefficients for t in own if t.effect.family == "friction"
-            ]
-            left = target - self.simulated(panel)[:, joint]
+            friction = [c @ t.coefficients for c, t in zip(columns, own, strict=True) if t.effect.family == "friction"]
             forces = np.column_stack(friction) if friction else None
+            left = target - self.simulated(panel)[:, joint]
+            edge = edge_columns(panel, own, joint, np.zeros((len(panel), 0)), left)
             return JointGap(joint, edge, left, keep, (), edge.shape[1], forces)
-        columns = [panel.columns(t.effect, t.shape, joint) for t in own]
-        present = tuple(t.effect for t in own)
-        return JointGap(joint, np.hstack([*columns, edge]), target, keep, present, edge.shape[1])
+        matrix = np.hstack(columns)
+        edge = edge_columns(panel, own, joint, matrix, target)
+        return JointGap(joint, np.hstack([matrix, edge]), target, keep, tuple(t.effect for t in own), edge.shape[1])
 
     def simulated(self, panel: Panel) -> FloatArray:
         """Force (N, n) that the model gives in a panel's rows."""

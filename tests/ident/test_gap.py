@@ -11,6 +11,7 @@ from ident.fit import Drives, fit
 from ident.gap import baseline_model, find_gap
 from ident.gap.baseline import EFFECTS
 from ident.gap.candidates import Trial, climb
+from ident.gap.edge import moderate
 from ident.gap.experiment import Joined, Question, separating, with_motion
 from ident.gap.gate import Gate, surrogates
 from ident.gap.joint_gap import JointGap
@@ -206,6 +207,15 @@ def test_what_happens_at_rest_and_follows_nothing_is_seen_and_not_named(arm):
     (one,) = found.unexplained
     assert one.joints == (1,)
     assert one.depends_on == ("|dq2| (its size)",)
+
+
+def test_friction_that_turns_slowly_is_no_edge():
+    rng = np.random.default_rng(1)
+    columns = np.stack([np.sin(k * np.linspace(0.0, 60.0, 3000)) for k in (1, 2, 3)], axis=1)
+    target = columns @ np.array([0.3, 5.0, 0.1]) + 0.1 * rng.standard_normal(3000)
+    problem = JointProblem(np.zeros((3000, 0)), target, np.arange(3000) // 750, np.ones(3000, dtype=bool))
+    np.testing.assert_array_equal(moderate(problem, columns, 1.0), columns[:, [0, 2]])
+    assert moderate(problem, columns, 6.0).shape == columns.shape
 
 
 def test_rows_whose_sign_of_velocity_is_noise_are_left_out_and_names_stay(arm):
