@@ -140,6 +140,7 @@ def spoilt(tmp_path, model, change):
         (lambda c: c.update(unit="A"), "the model's unit A are not the robot's %Use"),
         (lambda c: c["terms"][7].update(effect="witchcraft"), "unknown effect 'witchcraft'"),
         (lambda c: c["terms"][0]["coefficients"].pop(), "do not fit the robot's URDF"),
+        (lambda c: c["terms"][7]["shape"].append({"name": "span", "value": 1.0, "std": None}), "another version's law"),
         (lambda c: c.pop("terms"), "lacks or spoils 'terms'"),
         (lambda c: c["terms"][7].update(options={"smothing": 1.0}), "lacks or spoils"),
         (lambda c: c["terms"][7].update(joint="two"), "lacks or spoils"),
