@@ -83,12 +83,11 @@ def library(model: CurrentModel, train: Sequence[LogSource], refit: bool) -> Lib
 
 def _joint(model: CurrentModel, panel: Panel, survey: Survey, refit: bool, joint: int) -> JointLibrary:
     own = [t for t in model.terms if t.effect.joint in (None, joint)]
-    target, columns = panel.force[:, joint], [panel.columns(t.effect, t.shape, joint) for t in own]
-    matrix = np.hstack(columns)
-    if not refit:
-        target = target - sum((c @ t.coefficients for c, t in zip(columns, own, strict=True)), np.zeros(()))
-        matrix = np.zeros((len(target), 0))
-    matrix = np.hstack([matrix, edge_columns(panel, own, joint, matrix, target)])
+    target, matrix = panel.force[:, joint], edge_columns(panel, own, joint)
+    if refit:
+        matrix = np.hstack([*(panel.columns(t.effect, t.shape, joint) for t in own), matrix])
+    else:
+        target = target - sum((panel.columns(t.effect, t.shape, joint) @ t.coefficients for t in own), np.zeros(()))
     problem = JointProblem(matrix, target, panel.fold, np.ones(len(panel), dtype=bool))
     present = [t.effect for t in own] if refit else []
     return JointLibrary(joint, problem, tuple(_candidates(panel, survey, problem, joint, present)))

@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
 from ident.arrays import FloatArray
 from ident.effects.base import Term
 from ident.effects.friction import Coulomb
+from ident.gap.joint_gap import JointGap
 from ident.gap.panel import Panel
-from ident.gap.problem import JointProblem
+from ident.gap.problem import gain
+from ident.gap.search import GAIN
 
 EDGE, WIDEST = 4.0, 0.012
 """How much narrower and wider the sign of velocity may turn than the model says, and how wide at most [rad/s]."""
@@ -19,32 +22,34 @@ MOST = 2.0
 """Times the model's dry friction that turns otherwise at most: more of it is no edge but an effect."""
 
 
-def edge_columns(panel: Panel, own: Sequence[Term], joint: int, matrix: FloatArray, target: FloatArray) -> FloatArray:
-    """Columns (N, k), three at most, by which a joint's sign of velocity may turn otherwise than modelled.
-
-    Args:
-        panel: the rows.
-        own: the model's terms on the joint.
-        joint: the joint, from 0.
-        matrix: columns (N, p) that are fitted whatever else is.
-        target: what they are fitted to (N,).
-    """
+def edge_columns(panel: Panel, own: Sequence[Term], joint: int) -> FloatArray:
+    """Columns (N, 3), or none, by which a joint's sign of velocity may turn otherwise than modelled."""
     for term in own:
         if isinstance(term.effect, Coulomb):
             v, width = panel.velocity[:, joint], term.effect.smoothing
             sign = np.tanh(v / width)
             bends = [v / np.sqrt(v**2 + width**2), np.tanh(EDGE * v / width), np.tanh(v / min(EDGE * width, WIDEST))]
-            columns = np.stack([bend - sign for bend in bends], axis=1)
-            problem = JointProblem(matrix, target, panel.fold, np.ones(len(panel), dtype=bool))
-            return moderate(problem, columns, MOST * abs(float(term.coefficients[0])))
+            return np.stack([bend - sign for bend in bends], axis=1)
     return np.zeros((len(panel), 0))
 
 
-def moderate(problem: JointProblem, columns: FloatArray, most: float) -> FloatArray:
-    """Leave out columns (N, k) whose fitted coefficients are larger than allowed, the largest first."""
-    while columns.shape[1] > 0:
-        sizes = np.abs(problem.fit(columns)[problem.matrix.shape[1] :])
+def with_less_edge(panel: Panel, gap: JointGap, terms: Sequence[Term]) -> JointGap | None:
+    """A joint's rows with no more at the edge than its dry friction could bring; None where that makes no difference.
+
+    The columns that take up more of it than twice are left out, the largest first: friction that turns slowly looks
+    like them in motion that reverses quickly.
+    """
+    friction = [t for t in terms if isinstance(t.effect, Coulomb) and t.effect.joint == gap.joint]
+    if not (friction and gap.nuisance):
+        return None
+    bare, full = gap.bare(), gap.problem(panel)
+    edges, problem = gap.matrix[:, -gap.nuisance :], bare.problem(panel)
+    most = MOST * abs(float(friction[0].coefficients[0]))
+    while edges.shape[1] > 0:
+        sizes = np.abs(problem.fit(problem.of(edges))[bare.matrix.shape[1] :])
         if sizes.max() <= most:
             break
-        columns = np.delete(columns, int(np.argmax(sizes)), axis=1)
-    return columns
+        edges = np.delete(edges, int(np.argmax(sizes)), axis=1)
+    sharp = replace(bare, matrix=np.hstack([bare.matrix, edges]), nuisance=edges.shape[1])
+    left, rest = sharp.problem(panel).residual, full.residual
+    return sharp if gain(float(left @ left), float(rest @ rest)) > GAIN else None

@@ -113,7 +113,7 @@ class JointProblem:
         if self.matrix.shape[1] == 0:
             return np.zeros((len(self.target), 0))
         values, vectors = np.linalg.eigh(self.matrix.T @ self.matrix)
-        good = values > 1e-9 * max(values[-1], 1e-300)
+        good = values > 1e-11 * max(values[-1], 1e-300)
         first = self.matrix @ (vectors[:, good] / np.sqrt(values[good]))
         return np.asarray(np.linalg.qr(first)[0], dtype=np.float64)
 

@@ -19,7 +19,7 @@ from ident.gap.abstain import explainable
 from ident.gap.attribute import attribute
 from ident.gap.belief import WORTH_SAYING, believed, unexplained
 from ident.gap.candidates import Trial, coefficients
-from ident.gap.edge import edge_columns
+from ident.gap.edge import edge_columns, with_less_edge
 from ident.gap.evidence import evidence, negative_control
 from ident.gap.experiment import Experiment, Joined, Question, separating, with_motion
 from ident.gap.joint_gap import JointGap, Named
@@ -150,6 +150,13 @@ class _Workflow:
         self.tell("trying effects", 1.0)
         sure = [believed(self.panel, self.survey, one.gap, list(one.named)) for one in named]
         doubted = [self.doubted(one) if not believed else [] for one, believed in zip(named, sure, strict=True)]
+        for j, gap in enumerate(gaps):
+            sharp = None if sure[j] else with_less_edge(self.panel, gap, self.model.terms)
+            if sharp is not None:
+                last = attribute(self.panel, self.survey, search(self.panel, self.survey, sharp))
+                sure[j] = believed(self.panel, self.survey, sharp, list(last.named))
+                if sure[j]:
+                    gaps[j], doubted[j] = sharp, []
         return _Causes(wholes, gaps, sure, doubted, p_values)
 
     def doubted(self, last: Search) -> list[Named]:
@@ -231,16 +238,17 @@ class _Workflow:
         """The joint's rows: the model's columns if it is refitted, else what it leaves."""
         keep = np.ones(len(panel), dtype=bool)
         own = [t for t in self.model.terms if t.effect.joint in (None, joint)]
-        target, columns = panel.force[:, joint], [panel.columns(t.effect, t.shape, joint) for t in own]
+        edge, target = edge_columns(panel, own, joint), panel.force[:, joint]
         if not self.refit:
-            friction = [c @ t.coefficients for c, t in zip(columns, own, strict=True) if t.effect.family == "friction"]
-            forces = np.column_stack(friction) if friction else None
+            friction = [
+                panel.columns(t.effect, t.shape, joint) @ t.coefficients for t in own if t.effect.family == "friction"
+            ]
             left = target - self.simulated(panel)[:, joint]
-            edge = edge_columns(panel, own, joint, np.zeros((len(panel), 0)), left)
+            forces = np.column_stack(friction) if friction else None
             return JointGap(joint, edge, left, keep, (), edge.shape[1], forces)
-        matrix = np.hstack(columns)
-        edge = edge_columns(panel, own, joint, matrix, target)
-        return JointGap(joint, np.hstack([matrix, edge]), target, keep, tuple(t.effect for t in own), edge.shape[1])
+        columns = [panel.columns(t.effect, t.shape, joint) for t in own]
+        present = tuple(t.effect for t in own)
+        return JointGap(joint, np.hstack([*columns, edge]), target, keep, present, edge.shape[1])
 
     def simulated(self, panel: Panel) -> FloatArray:
         """Force (N, n) that the model gives in a panel's rows."""
@@ -302,7 +310,7 @@ class _Workflow:
 
     def plain(self, gap: JointGap) -> JointGap:
         """The joint's rows before causes of the whole robot were taken away."""
-        return replace(self.gaps[gap.joint], keep=gap.keep)
+        return replace(gap, target=self.gaps[gap.joint].target)
 
     def whole_finding(self, whole: Whole) -> Finding:
         effect = whole.effect

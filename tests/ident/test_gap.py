@@ -11,7 +11,7 @@ from ident.fit import Drives, fit
 from ident.gap import baseline_model, find_gap
 from ident.gap.baseline import EFFECTS
 from ident.gap.candidates import Trial, climb
-from ident.gap.edge import moderate
+from ident.gap.edge import edge_columns, with_less_edge
 from ident.gap.experiment import Joined, Question, separating, with_motion
 from ident.gap.gate import Gate, surrogates
 from ident.gap.joint_gap import JointGap
@@ -209,13 +209,16 @@ def test_what_happens_at_rest_and_follows_nothing_is_seen_and_not_named(arm):
     assert one.depends_on == ("|dq2| (its size)",)
 
 
-def test_friction_that_turns_slowly_is_no_edge():
-    rng = np.random.default_rng(1)
-    columns = np.stack([np.sin(k * np.linspace(0.0, 60.0, 3000)) for k in (1, 2, 3)], axis=1)
-    target = columns @ np.array([0.3, 5.0, 0.1]) + 0.1 * rng.standard_normal(3000)
-    problem = JointProblem(np.zeros((3000, 0)), target, np.arange(3000) // 750, np.ones(3000, dtype=bool))
-    np.testing.assert_array_equal(moderate(problem, columns, 1.0), columns[:, [0, 2]])
-    assert moderate(problem, columns, 6.0).shape == columns.shape
+def test_friction_that_turns_slowly_is_no_edge(arm):
+    model = baseline_model(arm, logs(arm, 1))
+    panel = panel_of(model, logs(arm, 1))
+    (dry,) = (t for t in model.terms if t.effect.name == "coulomb" and t.effect.joint == 1)
+    edges = edge_columns(panel, model.terms, 1)
+    for times, left in ((8.0, 2), (0.5, None)):
+        slow = times * float(dry.coefficients[0]) * edges[:, 0]
+        gap = JointGap(1, edges, slow, np.ones(len(panel), dtype=bool), (), 3)
+        sharp = with_less_edge(panel, gap, model.terms)
+        assert (None if sharp is None else sharp.nuisance) == left
 
 
 def test_rows_whose_sign_of_velocity_is_noise_are_left_out_and_names_stay(arm):
