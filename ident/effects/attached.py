@@ -89,6 +89,7 @@ class BaseTilt(Weighing):
 
 
 NEUTRAL = tuple((0.25 * np.arange(-13, 14)).tolist())
+"""Neutral angles [rad] from which a balancer's is searched: closer to one another than its side maxima."""
 
 
 @dataclass(frozen=True)

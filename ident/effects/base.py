@@ -233,6 +233,22 @@ class Effect(ABC):
         return np.array(derivatives)
 
 
+@dataclass(frozen=True)
+class ToldAtLargest(Effect):
+    """An effect of one joint whose size is told at the largest force.
+
+    Attributes:
+        largest: largest force that the model gives on the logs.
+    """
+
+    largest: float = 1.0
+
+    @classmethod
+    def candidates(cls, survey: Survey, joint: int | None) -> list[Effect]:
+        """Try it against the largest force seen."""
+        return [] if joint is None else [cls(joint, float(survey.largest[joint]))]
+
+
 @dataclass(frozen=True, eq=False)
 class Term:
     """An effect with its fitted parameters.

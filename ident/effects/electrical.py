@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ident.arrays import FloatArray
-from ident.effects.base import Coefficient, Context, Effect, Shape, Survey
+from ident.effects.base import Coefficient, Context, Effect, Shape, Survey, ToldAtLargest
 from ident.effects.transmission import GEAR_HARMONICS, POLE_HARMONICS, GearRipple, most_of_gears
 
 if TYPE_CHECKING:
@@ -57,27 +57,17 @@ class DriveGain(Effect):
 
 
 @dataclass(frozen=True)
-class TorqueSaturation(Effect):
+class TorqueSaturation(ToldAtLargest):
     """Iron that saturates: at high current the torque falls short of proportional (Hanselman 2006, ch. 4).
 
     The joint draws more than the model says by a share that grows with a power of the current.
-
-    Attributes:
-        largest: largest force that the model gives on the logs, where the share is reported.
     """
-
-    largest: float = 1.0
 
     name = "torque-saturation"
     family = "electrical"
     needs = ("total",)
     rivals = ("load-friction", "drive-gain")
     excitation = "the highest torques of both signs, at +dq and at -dq"
-
-    @classmethod
-    def candidates(cls, survey: Survey, joint: int | None) -> list[Effect]:
-        """Try it against the largest force seen."""
-        return [] if joint is None else [cls(joint, float(survey.largest[joint]))]
 
     @property
     def shapes(self) -> tuple[Shape, ...]:

@@ -9,7 +9,7 @@ import numpy as np
 
 from ident.arrays import FloatArray
 from ident.compiled import compiled
-from ident.effects.base import Coefficient, Context, Effect, Shape, Survey
+from ident.effects.base import Coefficient, Context, Effect, Shape, Survey, ToldAtLargest
 
 if TYPE_CHECKING:
     from ident.robot import Robot
@@ -24,11 +24,11 @@ USUAL_RATIO = 100.0
 GEAR_HARMONICS = 2.5
 """A gear repeats at most this many times a turn of its motor (a wave generator twice); motor poles more often."""
 
-REMEMBERED = 5
-"""Samples before a row from which a load's derivatives are extrapolated."""
-
 POLE_HARMONICS = 8.0
 """Repeats a turn of the motor up to which its poles are looked for."""
+
+REMEMBERED = 5
+"""Samples before a row from which a load's derivatives are extrapolated."""
 
 
 @dataclass(frozen=True)
@@ -142,29 +142,19 @@ def most_of_gears(survey: Survey, joint: int) -> float:
 
 
 @dataclass(frozen=True)
-class Elasticity(Effect):
+class Elasticity(ToldAtLargest):
     """A spring between motor and link (Spong 1987): the link lags behind the motor by the load over the stiffness.
 
     The motor carries what the links need where the link is, ``ID(q - wind, dq - wind', ddq - wind'')`` instead of
     ``ID(q, dq, ddq)``. The difference is taken for a wind-up that is a shape parameter and counts per unit of it: as
     much as is reported is exact, any other is the spring to first order in its compliance.
-
-    Attributes:
-        largest: largest force that the model gives on the logs, at which the wind-up is told.
     """
-
-    largest: float = 1.0
 
     name = "elasticity"
     family = "transmission"
     needs = ("load", "links")
     rivals = ("rotor-inertia", "delay", "backlash")
     excitation = "fast motion: accelerations at a third of the resonance and above"
-
-    @classmethod
-    def candidates(cls, survey: Survey, joint: int | None) -> list[Effect]:
-        """Try it against the largest force seen."""
-        return [] if joint is None else [cls(joint, float(survey.largest[joint]))]
 
     @property
     def shapes(self) -> tuple[Shape, ...]:

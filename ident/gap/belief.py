@@ -9,8 +9,8 @@ import numpy as np
 from ident.effects.base import Survey
 from ident.gap.abstain import explainable
 from ident.gap.constancy import inconstancy
-from ident.gap.gate import speed_classes
-from ident.gap.joint_gap import JointGap, Named, speed_of, starts_of
+from ident.gap.gate import MOVING, RUNNING
+from ident.gap.joint_gap import JointGap, Named, classes_of, starts_of
 from ident.gap.panel import Panel
 from ident.gap.problem import JointProblem
 from ident.gap.report import Unexplained
@@ -28,12 +28,12 @@ no motion repeats, they must explain the greater.
 CONSTANT, STEADY = 0.03, 0.025
 """Share of what names explain that varying their coefficients may add; the second where they explain less."""
 
-FAST, FEW = 3, 0.1
-"""First class of speed that is no creeping; share of rows below it without which none is looked for in them alone."""
+FEW = 0.1
+"""Share of rows that rest or creep without which no line is looked for in them alone."""
 
-SLOW, SEEN, RESTLESS = 2, 0.03, 4.0
-"""First class of speed that is motion; share of rows that rest, and motion, must have; how many times larger the mean
-square must be at rest than in motion for something to happen there, whatever it follows."""
+SEEN, RESTLESS = 0.03, 4.0
+"""Share of rows that rest, and motion, must have; how many times larger the mean square must be at rest than in motion
+for something to happen there, whatever it follows."""
 
 WORTH_SAYING = 0.06
 """Share of a joint's squared residual that must be explainable for it to be called unexplained."""
@@ -88,7 +88,7 @@ def _explained(panel: Panel, gap: JointGap, problem: JointProblem, doubted: Sequ
 
 def _line(panel: Panel, problem: JointProblem, joint: int) -> tuple[float, float] | None:
     """Frequency [Hz] and share of a line in what is left, or in what is left while the joint rests or creeps."""
-    still = speed_classes(speed_of(panel, problem, joint)) < FAST
+    still = classes_of(panel, problem, joint) < RUNNING
     for rows in (np.ones(len(problem), dtype=bool), still):
         if rows.mean() > FEW:
             line = spectral_line(problem.residual * rows, starts_of(panel, problem), row_step(panel))
@@ -99,7 +99,7 @@ def _line(panel: Panel, problem: JointProblem, joint: int) -> tuple[float, float
 
 def _restless(panel: Panel, problem: JointProblem, joint: int) -> float:
     """Share of the squared residual by which slow rows exceed fast ones; nought unless that is far more than noise."""
-    slow = speed_classes(speed_of(panel, problem, joint)) < SLOW
+    slow = classes_of(panel, problem, joint) < MOVING
     squares = problem.residual**2
     if min(slow.mean(), 1.0 - slow.mean()) < SEEN or squares[slow].mean() < RESTLESS * squares[~slow].mean():
         return 0.0

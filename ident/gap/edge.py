@@ -42,14 +42,16 @@ def with_less_edge(panel: Panel, gap: JointGap, terms: Sequence[Term]) -> JointG
     friction = [t for t in terms if isinstance(t.effect, Coulomb) and t.effect.joint == gap.joint]
     if not (friction and gap.nuisance):
         return None
-    bare, full = gap.bare(), gap.problem(panel)
-    edges, problem = gap.matrix[:, -gap.nuisance :], bare.problem(panel)
+    bare, edges = gap.bare(), gap.matrix[:, -gap.nuisance :]
+    problem = bare.problem(panel)
     most = MOST * abs(float(friction[0].coefficients[0]))
     while edges.shape[1] > 0:
         sizes = np.abs(problem.fit(problem.of(edges))[bare.matrix.shape[1] :])
         if sizes.max() <= most:
             break
         edges = np.delete(edges, int(np.argmax(sizes)), axis=1)
+    if edges.shape[1] == gap.nuisance:
+        return None
     sharp = replace(bare, matrix=np.hstack([bare.matrix, edges]), nuisance=edges.shape[1])
-    left, rest = sharp.problem(panel).residual, full.residual
+    left, rest = sharp.problem(panel).residual, gap.problem(panel).residual
     return sharp if gain(float(left @ left), float(rest @ rest)) > GAIN else None

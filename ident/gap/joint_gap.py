@@ -10,7 +10,7 @@ import numpy as np
 from ident.arrays import BoolArray, FloatArray, IntArray
 from ident.effects.base import Effect
 from ident.gap.candidates import Trial, admissible, best_shape, usable
-from ident.gap.gate import Gate
+from ident.gap.gate import Gate, speed_classes
 from ident.gap.panel import Panel
 from ident.gap.problem import JointProblem
 
@@ -84,6 +84,11 @@ def speed_of(panel: Panel, problem: JointProblem, joint: int) -> FloatArray:
     """A joint's speed (N,) in the rows that count."""
     speed: FloatArray = np.abs(panel.velocity[problem.keep, joint])
     return speed
+
+
+def classes_of(panel: Panel, problem: JointProblem, joint: int) -> IntArray:
+    """Class of speed (N,) of the rows that count, as the gate parts them."""
+    return speed_classes(speed_of(panel, problem, joint))
 
 
 def gate_of(panel: Panel, problem: JointProblem, joint: int) -> Gate:

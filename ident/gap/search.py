@@ -12,8 +12,8 @@ from scipy.optimize import lsq_linear
 from ident.arrays import BoolArray, FloatArray
 from ident.effects.base import Effect, Survey
 from ident.gap.candidates import Trial, admissible, best_trials, forms
-from ident.gap.gate import Gate, speed_classes
-from ident.gap.joint_gap import JointGap, Named, gate_of, nested_errors, speed_of
+from ident.gap.gate import MOVING, Gate
+from ident.gap.joint_gap import JointGap, Named, classes_of, gate_of, nested_errors
 from ident.gap.panel import Panel
 from ident.gap.problem import Errors, JointProblem, gain
 from ident.uncertainty import correlation_time
@@ -43,9 +43,9 @@ AGREES, SLACK, HARM = 0.7, 0.05, 0.02
 """How much of the force that an effect predicts must be there, at rest and in motion; shares of the squared residual
 that may be lacking of that, and that it may at most add."""
 
-MOVING, FEW, RESTS = 2, 0.02, 0.1
-"""First class of speed that is motion; share of rows without which motion, and rest, are not asked: a log whose joint
-stands for less is one of reversals."""
+FEW, RESTS = 0.02, 0.1
+"""Share of rows without which motion, and rest, are not asked: a log whose joint stands for less is one of
+reversals."""
 
 WORSE = 0.05
 """Share of what is gained over all folds that may be lost on some, where each has the shape that the others found."""
@@ -94,7 +94,7 @@ class Beside:
     def holds(self, panel: Panel, trial: Trial, columns: FloatArray) -> bool:
         """Whether a candidate helps in every fold, at rest and in motion, without nuisance, and by any fold's shape."""
         assert trial.errors is not None
-        moving = speed_classes(speed_of(panel, self.problem, self.joint)) >= MOVING
+        moving = classes_of(panel, self.problem, self.joint) >= MOVING
         groups = [rows for rows, share in ((moving, FEW), (~moving, RESTS)) if rows.mean() > share]
         everywhere = bool(np.all(trial.errors.held_out < self.before.held_out))
         everywhere = everywhere and agrees(self.problem, columns, groups)

@@ -149,15 +149,20 @@ class _Workflow:
             named = self.attributed(self.searches(gaps))
         self.tell("trying effects", 1.0)
         sure = [believed(self.panel, self.survey, one.gap, list(one.named)) for one in named]
-        doubted = [self.doubted(one) if not believed else [] for one, believed in zip(named, sure, strict=True)]
-        for j, gap in enumerate(gaps):
-            sharp = None if sure[j] else with_less_edge(self.panel, gap, self.model.terms)
-            if sharp is not None:
-                last = attribute(self.panel, self.survey, search(self.panel, self.survey, sharp))
-                sure[j] = believed(self.panel, self.survey, sharp, list(last.named))
-                if sure[j]:
-                    gaps[j], doubted[j] = sharp, []
+        for j, names in enumerate(sure):
+            if not names:
+                gaps[j], sure[j] = self.with_less_edge(gaps[j])
+        doubted = [[] if names else self.doubted(one) for one, names in zip(named, sure, strict=True)]
         return _Causes(wholes, gaps, sure, doubted, p_values)
+
+    def with_less_edge(self, gap: JointGap) -> tuple[JointGap, list[Named]]:
+        """Names that show only with less at a joint's edge, and its rows then; without any, its rows as they are."""
+        sharp = with_less_edge(self.panel, gap, self.model.terms)
+        if sharp is None:
+            return gap, []
+        last = attribute(self.panel, self.survey, search(self.panel, self.survey, sharp))
+        names = believed(self.panel, self.survey, sharp, list(last.named))
+        return (sharp, names) if names else (gap, [])
 
     def doubted(self, last: Search) -> list[Named]:
         """Names that are not believed, or else the effect that passes the gate but does not hold everywhere."""

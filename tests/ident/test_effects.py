@@ -4,6 +4,7 @@ import dataclasses
 
 import numpy as np
 import pytest
+from scipy.interpolate import CubicSpline
 
 from ident.effects import load_catalogue
 from ident.effects.base import Context, Effect, initial_term
@@ -11,6 +12,7 @@ from ident.effects.friction import Coulomb, LoadFriction
 from ident.effects.hysteresis import MaxwellSlip
 from ident.effects.rigid_body import Links, RotorInertia
 from ident.effects.timing import Delay, FilterLag
+from ident.effects.transmission import Elasticity
 from ident.errors import InputError
 from ident.model import NEWTON_METRE, CurrentModel
 from ident.robot import load_robot
@@ -153,6 +155,24 @@ def test_a_tenth_of_the_current_that_comes_late_is_no_delay():
     assert not delay.plausible(np.array([0.02]), np.array([0.002]))
     assert lag.plausible(np.array([20.0]), np.array([0.9]))
     assert not lag.plausible(np.array([40.0]), np.array([1.7]))
+
+
+def test_a_spring_leaves_the_motor_what_the_links_need_where_they_are(vs060):
+    t = np.arange(600) * 0.002
+    phase = 2.0 * np.pi * t[:, None] * np.linspace(0.6, 1.6, 6) + np.arange(6)
+    speed = 2.0 * np.pi * np.linspace(0.6, 1.6, 6)
+    motion = Motion(t, np.sin(phase), speed * np.cos(phase), -(speed**2) * np.sin(phase))
+    links = np.tile(vs060.multibody.parameters, (6, 1))
+    load = vs060.rigid_body.inverse_dynamics(motion.q, motion.dq, motion.ddq, links)
+    wind = CubicSpline(t, 0.02 / 30.0 * load[:, 1])
+    moved = [np.array(x) for x in (motion.q, motion.dq, motion.ddq)]
+    for order, x in enumerate(moved):
+        x[:, 1] -= wind(t, order)
+    effect = Elasticity(1, largest=30.0)
+    change = 0.02 * effect.columns(Context(vs060, motion, load, links), np.array([0.02]), effect.start())[:, 0]
+    true = vs060.rigid_body.inverse_dynamics(*moved, links)[:, 1] - load[:, 1]
+    inside = slice(10, -10)
+    np.testing.assert_allclose(change[inside], true[inside], atol=0.01 * np.abs(true).max())
 
 
 def test_maxwell_elements_stick_slip_and_remember(vs060):

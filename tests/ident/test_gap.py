@@ -187,26 +187,21 @@ def test_what_the_catalogue_does_not_have_is_not_named(arm):
     assert "Hz" in one.depends_on[0]
 
 
-def test_a_controller_that_hunts_while_the_joint_creeps_is_seen_and_not_named(arm):
-    def hunts(t, q, dq):
-        return 0.12 * np.exp(-((dq[:, 1] / 0.05) ** 2)) * np.sin(2 * np.pi * 3.3 * t)
+def hunts(t, q, dq):
+    return 0.12 * np.exp(-((dq[:, 1] / 0.05) ** 2)) * np.sin(2 * np.pi * 3.3 * t)
 
-    found = structure(arm, hidden=hunts)
+
+def rattles(t, q, dq):
+    return 0.3 * np.exp(-((dq[:, 1] / 0.03) ** 2)) * np.random.default_rng(len(t)).standard_normal(len(t))
+
+
+@pytest.mark.parametrize(("law", "depends_on"), [(hunts, "t (3.3 Hz)"), (rattles, "|dq2| (its size)")])
+def test_what_happens_while_the_joint_creeps_or_rests_is_seen_and_not_named(arm, law, depends_on):
+    found = structure(arm, hidden=law)
     assert found.findings == ()
     (one,) = found.unexplained
     assert one.joints == (1,)
-    assert one.depends_on == ("t (3.3 Hz)",)
-
-
-def test_what_happens_at_rest_and_follows_nothing_is_seen_and_not_named(arm):
-    def rattles(t, q, dq):
-        return 0.3 * np.exp(-((dq[:, 1] / 0.03) ** 2)) * np.random.default_rng(len(t)).standard_normal(len(t))
-
-    found = structure(arm, hidden=rattles)
-    assert found.findings == ()
-    (one,) = found.unexplained
-    assert one.joints == (1,)
-    assert one.depends_on == ("|dq2| (its size)",)
+    assert one.depends_on == (depends_on,)
 
 
 def test_friction_that_turns_slowly_is_no_edge(arm):
