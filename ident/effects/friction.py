@@ -175,7 +175,15 @@ class Sigmoid(VelocityEffect):
 
 @dataclass(frozen=True)
 class ViscousNonlinear(VelocityEffect):
-    """Friction that grows with a power of speed other than one: shear-thinning grease below, churning above."""
+    """Friction that grows with a power of speed other than one: shear-thinning grease below, churning above.
+
+    Attributes:
+        least: smallest exponent.
+        most: largest exponent.
+    """
+
+    least: float = 0.1
+    most: float = 4.0
 
     name = "viscous-nonlinear"
     family = "friction"
@@ -184,10 +192,20 @@ class ViscousNonlinear(VelocityEffect):
     rivals = ("stribeck", "sigmoid", "viscous")
     excitation = "plateaus of several constant speeds up to the limit, both ways"
 
+    @classmethod
+    def candidates(cls, survey: Survey, joint: int | None) -> list[Effect]:
+        """Try it on either side of an exponent of one, next to which it is a difference of large viscous forces."""
+        if joint is None:
+            return []
+        smoothing = float(survey.smoothing[joint])
+        return [cls(joint, smoothing, cls.least, 0.9), cls(joint, smoothing, 1.1, cls.most)]
+
     @property
     def shapes(self) -> tuple[Shape, ...]:
         """Return the exponent."""
-        return (Shape("exponent", "1", 0.1, 4.0, (0.5, 0.2, 2.0, 3.0), ends=(True, False)),)
+        starts = tuple(x for x in (0.5, 0.2, 2.0, 3.0) if self.least < x < self.most)
+        constant = self.least == ViscousNonlinear.least
+        return (Shape("exponent", "1", self.least, self.most, starts, ends=(constant, False)),)
 
     def coefficients(self, robot: Robot) -> tuple[Coefficient, ...]:
         """Return the friction at 1 rad/s (1 m/s)."""

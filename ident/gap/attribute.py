@@ -60,8 +60,8 @@ def _swapped(panel: Panel, gap: JointGap, named: list[Named]) -> list[Named]:
     """Fit shapes again, each effect's among the others, and put a rival in its place where that is better and holds."""
     for k, old in enumerate(named):
         beside = Beside.of(panel, gap, [n for n in named if n is not old])
-        taken = {kind_of(n.effect) for n in named}
-        rivals = [t for t in old.ranking[:6] if kind_of(t.effect) not in taken]
+        taken = {kind_of(n.effect) for n in named if n is not old}
+        rivals = [t for t in old.ranking[:6] if t.effect is not old.effect and kind_of(t.effect) not in taken]
         again = (_again(panel, beside, t) for t in [old.trial, *rivals])
         tried = sorted((with_errors(panel, beside.problem, t, gap.joint) for t in again), key=penalised)
         untried = [t for t in old.ranking if all(t.effect is not x.effect for x in tried)]

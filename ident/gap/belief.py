@@ -11,6 +11,7 @@ from ident.gap.abstain import explainable
 from ident.gap.constancy import inconstancy
 from ident.gap.gate import MOVING, RUNNING
 from ident.gap.joint_gap import JointGap, Named, classes_of, starts_of
+from ident.gap.memory import remembered
 from ident.gap.panel import Panel
 from ident.gap.problem import JointProblem
 from ident.gap.report import Unexplained
@@ -39,27 +40,34 @@ WORTH_SAYING = 0.06
 """Share of a joint's squared residual that must be explainable for it to be called unexplained."""
 
 
-def believed(panel: Panel, survey: Survey, gap: JointGap, named: list[Named]) -> list[Named]:
-    """The names of a joint, or none of them if they leave much of what could be explained."""
-    if not named:
-        return named
+def believed(panel: Panel, survey: Survey, gap: JointGap, named: Sequence[Named]) -> list[Named]:
+    """The names of a joint whose coefficients are constant; none if they leave much of what could be explained."""
+    names = list(named)
+    while names and (allowed := _allowed(panel, survey, gap, names)) is not None:
+        varies = inconstancy(panel, survey, gap, names)
+        worst = int(np.argmax(varies))
+        if varies[worst] <= allowed:
+            return names
+        del names[worst]
+    return []
+
+
+def _allowed(panel: Panel, survey: Survey, gap: JointGap, named: list[Named]) -> float | None:
+    """How much names may vary, as a share of what they explain; None where that is not enough to believe any."""
     before, after = gap.problem(panel), gap.problem(panel, [n.trial for n in named])
     left = explainable(panel, survey, gap.joint, after.residual, after.keep).share
     squares = float(after.residual @ after.residual)
     explained = float(before.residual @ before.residual) - squares
-    if explained < CERTAIN * _wandering(panel, after) * squares:
-        return []
-    rest = left * squares
-    if explained < ENOUGH * rest:
-        return []
-    allowed = CONSTANT if explained >= CERTAIN * rest else STEADY
-    return named if inconstancy(panel, survey, gap, named) <= allowed else []
+    rest = max(left, _remembered(panel, after)) * squares
+    if explained < CERTAIN * _wandering(panel, after) * squares or explained < ENOUGH * rest:
+        return None
+    return CONSTANT if explained >= CERTAIN * rest else STEADY
 
 
 def unexplained(
     panel: Panel, survey: Survey, gap: JointGap, named: Sequence[Named], doubted: Sequence[Named]
 ) -> list[Unexplained]:
-    """What is left on a joint and could be explained by motion, or follows the clock alone.
+    """What is left on a joint and could be explained by motion, or follows the clock or its own past alone.
 
     What names that are not believed explained is there, whatever it is.
     """
@@ -75,7 +83,10 @@ def unexplained(
     if line is not None:
         return [Unexplained((gap.joint,), (f"t ({line[0]:.2g} Hz)",), line[1])]
     restless = _restless(panel, problem, gap.joint)
-    return [Unexplained((gap.joint,), (f"|dq{gap.joint + 1}| (its size)",), restless)] if restless > 0.0 else []
+    if restless > 0.0:
+        return [Unexplained((gap.joint,), (f"|dq{gap.joint + 1}| (its size)",), restless)]
+    past = _remembered(panel, problem)
+    return [Unexplained((gap.joint,), ("t (its own past)",), past)] if past > WORTH_SAYING else []
 
 
 def _explained(panel: Panel, gap: JointGap, problem: JointProblem, doubted: Sequence[Named]) -> float:
@@ -105,6 +116,10 @@ def _restless(panel: Panel, problem: JointProblem, joint: int) -> float:
         return 0.0
     excess = slow.sum() * (squares[slow].mean() - squares[~slow].mean())
     return float(excess / max(squares.sum(), 1e-300))
+
+
+def _remembered(panel: Panel, problem: JointProblem) -> float:
+    return remembered(problem.residual, starts_of(panel, problem), row_step(panel))
 
 
 def _wandering(panel: Panel, problem: JointProblem) -> float:

@@ -47,6 +47,9 @@ FEW, RESTS = 0.02, 0.1
 """Share of rows without which motion, and rest, are not asked: a log whose joint stands for less is one of
 reversals."""
 
+SPRINGS = ("cable-spring", "gravity-balancer")
+"""Laws of the joint's own angle."""
+
 WORSE = 0.05
 """Share of what is gained over all folds that may be lost on some, where each has the shape that the others found."""
 
@@ -234,6 +237,9 @@ def penalised(trial: Trial) -> float:
     return trial.errors.total * (1.0 + 2.0 * PARSIMONY * parameters)
 
 
-def kind_of(effect: Effect) -> tuple[type[Effect], int]:
-    """What tells an effect from others of a joint: its class, and the joint that drives it where another does."""
-    return type(effect), getattr(effect, "source", 0)
+def kind_of(effect: Effect) -> tuple[str, int]:
+    """What tells an effect from others of a joint: its name, and the joint that drives it where another does.
+
+    Springs are of one kind: two laws of the same angle, together, fit any curve of it.
+    """
+    return "spring" if effect.name in SPRINGS else effect.name, getattr(effect, "source", 0)

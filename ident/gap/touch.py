@@ -9,13 +9,14 @@ import numpy as np
 from scipy.ndimage import binary_dilation, label, uniform_filter1d
 
 from ident.arrays import BoolArray, FloatArray
+from ident.gap.gate import MOVING, speed_classes
 from ident.gap.panel import Panel
 
 SMOOTH, SHORTEST, MARGIN = 0.2, 0.25, 0.3
 """Seconds over which the residual is averaged, that a touch lasts at least, and that are left out around it."""
 
 HEIGHT = 8.0
-"""A touch stands out from the averaged residual by this many of its usual deviations."""
+"""A touch stands out from the averaged residual by this many of its usual deviations, also from those in motion."""
 
 BEYOND_NAMES = 2.0
 """And by this many times the RMS of what is named on the joint, whose law may be as wrong in places."""
@@ -50,7 +51,7 @@ def find_touches(panel: Panel, residuals: FloatArray, named: FloatArray) -> Touc
     for a, b in itertools.pairwise(edges.tolist()):
         if b > a:
             averaged[a:b] = uniform_filter1d(residuals[a:b], max(1, round(SMOOTH / step)), axis=0, mode="nearest")
-    usual = 1.4826 * np.median(np.abs(averaged), axis=0)
+    usual = 1.4826 * np.stack([_usual(panel, averaged[:, j], j) for j in range(averaged.shape[1])], axis=1)
     least = np.maximum(HEIGHT * usual, BEYOND_NAMES * np.sqrt(np.mean(named**2, axis=0)))
     high = np.abs(averaged) > np.maximum(least, 1e-300)
     shortest = max(2, round(SHORTEST / step))
@@ -68,6 +69,16 @@ def find_touches(panel: Panel, residuals: FloatArray, named: FloatArray) -> Touc
     _, episodes = label(rows)
     joints = tuple(int(j) for j in np.flatnonzero(touched.any(axis=0)))
     return Touches(np.asarray(rows, dtype=bool), joints, float(any_joint.sum() * step), int(episodes))
+
+
+def _usual(panel: Panel, averaged: FloatArray, joint: int) -> FloatArray:
+    """Median size (N,) of an averaged residual (N,), in motion that of motion where it is the larger."""
+    size = np.abs(averaged)
+    usual = np.full(len(size), np.median(size))
+    moving = speed_classes(np.abs(panel.velocity[:, joint])) >= MOVING
+    if moving.any():
+        usual[moving] = max(usual[0], float(np.median(size[moving])))
+    return usual
 
 
 def row_step(panel: Panel) -> float:

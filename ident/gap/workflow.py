@@ -148,28 +148,23 @@ class _Workflow:
             gaps = self.without(gaps, beside)
             named = self.attributed(self.searches(gaps))
         self.tell("trying effects", 1.0)
-        sure = [believed(self.panel, self.survey, one.gap, list(one.named)) for one in named]
-        for j, names in enumerate(sure):
-            if not names:
-                gaps[j], sure[j] = self.with_less_edge(gaps[j])
-        doubted = [[] if names else self.doubted(one) for one, names in zip(named, sure, strict=True)]
+        gaps, sure, doubted = map(list, zip(*map(self.judged, named), strict=True))
         return _Causes(wholes, gaps, sure, doubted, p_values)
 
-    def with_less_edge(self, gap: JointGap) -> tuple[JointGap, list[Named]]:
-        """Names that show only with less at a joint's edge, and its rows then; without any, its rows as they are."""
-        sharp = with_less_edge(self.panel, gap, self.model.terms)
-        if sharp is None:
-            return gap, []
-        last = attribute(self.panel, self.survey, search(self.panel, self.survey, sharp))
-        names = believed(self.panel, self.survey, sharp, list(last.named))
-        return (sharp, names) if names else (gap, [])
-
-    def doubted(self, last: Search) -> list[Named]:
-        """Names that are not believed, or else the effect that passes the gate but does not hold everywhere."""
-        if last.named:
-            return list(last.named)
-        bold = last.winner(self.panel, certain=False)
-        return [] if bold is None else [bold]
+    def judged(self, last: Search) -> tuple[JointGap, list[Named], list[Named]]:
+        """A joint's rows, the names that are believed, and those that explain what they leave but are not."""
+        named = list(last.named)
+        names = believed(self.panel, self.survey, last.gap, named)
+        if names:
+            return last.gap, names, named if len(names) < len(named) else []
+        sharp = with_less_edge(self.panel, last.gap, self.model.terms)
+        if sharp is not None:
+            found = attribute(self.panel, self.survey, search(self.panel, self.survey, sharp))
+            names = believed(self.panel, self.survey, sharp, found.named)
+            if names:
+                return sharp, names, []
+        bold = None if named else last.winner(self.panel, certain=False)
+        return last.gap, [], named if bold is None else [bold]
 
     def seen_anew(self, searches: Sequence[Search]) -> list[Search]:
         """The searches, anew where a likely effect depends on links that, fitted without it, have bent to it."""
