@@ -1,6 +1,7 @@
 """Every effect of the catalogue: its gradient, its memory, its units, what it takes the place of."""
 
 import dataclasses
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -8,7 +9,7 @@ from scipy.interpolate import CubicSpline
 
 from ident.effects import load_catalogue
 from ident.effects.base import Context, Effect, initial_term
-from ident.effects.friction import Coulomb, LoadFriction
+from ident.effects.friction import Coulomb, LoadFriction, ViscousNonlinear
 from ident.effects.hysteresis import MaxwellSlip
 from ident.effects.rigid_body import Links, RotorInertia
 from ident.effects.timing import Delay, FilterLag
@@ -217,3 +218,9 @@ def test_a_subclass_with_a_name_enters_the_catalogue():
 
     assert load_catalogue()["test-quadratic"] is Quadratic
     del Effect.catalogue["test-quadratic"]
+
+
+def test_a_power_of_speed_is_tried_on_either_side_of_viscous_friction():
+    survey = SimpleNamespace(smoothing=np.full(6, 2e-3))
+    ranges = [form.shapes[0] for form in ViscousNonlinear.candidates(survey, 1)]
+    assert [(s.lower, s.upper, s.starts) for s in ranges] == [(0.1, 0.9, (0.5, 0.2)), (1.1, 4.0, (2.0, 3.0))]

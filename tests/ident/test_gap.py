@@ -3,23 +3,26 @@
 import numpy as np
 import pytest
 from scipy.interpolate import CubicSpline
+from scipy.signal import lfilter
 
 from ident.effects import load_catalogue
 from ident.effects.base import Shape
 from ident.effects.friction import Coulomb
 from ident.fit import Drives, fit
-from ident.gap import baseline_model, find_gap
+from ident.gap import baseline_model, belief, find_gap
 from ident.gap.baseline import EFFECTS
 from ident.gap.candidates import Trial, climb
 from ident.gap.edge import edge_columns, with_less_edge
 from ident.gap.experiment import Joined, Question, separating, with_motion
 from ident.gap.gate import Gate, surrogates
 from ident.gap.joint_gap import JointGap
+from ident.gap.memory import remembered
 from ident.gap.problem import JointProblem
 from ident.gap.rows import panel_of
 from ident.gap.search import Search, agrees
 from ident.gap.settle import next_experiment
 from ident.gap.spectrum import spectral_line
+from ident.gap.touch import find_touches
 from ident.gap.velocity_lag import velocity_lag
 from ident.gap.wander import wandering
 from ident.identification import identify
@@ -187,6 +190,37 @@ def test_what_the_catalogue_does_not_have_is_not_named(arm):
     assert "Hz" in one.depends_on[0]
 
 
+def bumps(t, q, dq):
+    return 1.5 * np.maximum(q[:, 1] - np.quantile(q[:, 1], 0.8), 0.0) ** 1.5
+
+
+def follows_nothing(t, q, dq):
+    rng = np.random.default_rng(round(1e6 * abs(q[5, 0])))
+    return 0.3 * lfilter([np.sqrt(1 - 0.95**2)], [1.0, -0.95], rng.standard_normal(len(t)))
+
+
+def test_two_springs_on_a_joint_are_a_fit_of_a_curve_and_no_names(arm):
+    found = structure(arm, hidden=bumps)
+    assert len([f for f in found.findings if f.effect in ("cable-spring", "gravity-balancer")]) < 2
+
+
+def test_what_lasts_and_follows_no_signal_is_unexplained(arm):
+    found = structure(arm, hidden=follows_nothing)
+    assert found.findings == ()
+    (one,) = found.unexplained
+    assert one.joints == (1,)
+    assert one.depends_on == ("t (its own past)",)
+
+
+@pytest.mark.parametrize(("share", "kept"), [(0.03, ["cogging", "stribeck"]), (None, [])])
+def test_a_name_that_varies_is_withdrawn_and_the_others_stay_if_they_explain_enough(monkeypatch, share, kept):
+    catalogue, varies = load_catalogue(), {"stribeck": 0.01, "viscous-nonlinear": 0.2, "cogging": 0.0}
+    named = [catalogue[name](0) for name in ("cogging", "viscous-nonlinear", "stribeck")]
+    monkeypatch.setattr(belief, "inconstancy", lambda panel, survey, gap, names: [varies[n.name] for n in names])
+    monkeypatch.setattr(belief, "_allowed", lambda panel, survey, gap, names: 0.03 if len(names) > 2 else share)
+    assert [one.name for one in belief.believed(None, None, None, named)] == kept
+
+
 def hunts(t, q, dq):
     return 0.12 * np.exp(-((dq[:, 1] / 0.05) ** 2)) * np.sin(2 * np.pi * 3.3 * t)
 
@@ -334,6 +368,32 @@ def test_the_next_experiment_is_the_motion_on_which_two_names_differ(arm):
     same = separating(Question(stribeck, stribeck, (), NOISE), motions)
     assert same.ratio < 1e-3
     assert not same.settles
+
+
+def test_what_a_residual_remembers_is_told_from_noise_of_short_memory():
+    rng = np.random.default_rng(4)
+    noise, starts = rng.standard_normal(18_000), np.array([0, 6000, 12_000])
+    smoothed = lfilter([0.2], [1.0, -0.8], noise)
+    lasting = lfilter([np.sqrt(1 - 0.99**2)], [1.0, -0.99], rng.standard_normal(len(noise)))
+    assert remembered(noise, starts, 0.01) < 0.01
+    assert remembered(smoothed, starts, 0.01) < 0.01
+    # A first-order process, guessed from both sides 0.25 s away: 2 rho^2 / (1 + rho^2) of it, halved by the noise.
+    assert 0.25 < remembered(noise + lasting, starts, 0.01) < 0.5
+
+
+def test_a_burst_is_held_against_what_is_usual_in_motion(arm):
+    log = record(arm, 1)
+    panel = panel_of(baseline_model(arm, [log]), [log])
+    residuals = 0.01 * np.random.default_rng(0).standard_normal((len(panel), 2))
+    speed = np.abs(panel.velocity[:, 1])
+    brisk = speed > np.quantile(speed, 0.7)
+    touched = residuals.copy()
+    touched[:, 1] += np.where(np.abs(np.arange(len(panel)) - 2000) < 25, 0.2, 0.0)
+    nothing = np.zeros_like(residuals)
+    assert find_touches(panel, touched, nothing).joints == (1,)
+    residuals[:, 1] += np.where(brisk, 0.15, 0.0)
+    touched = residuals.copy()
+    assert find_touches(panel, touched, nothing).joints == ()
 
 
 def test_a_wandering_offset_is_told_from_noise():
