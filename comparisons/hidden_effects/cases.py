@@ -16,11 +16,11 @@ from scipy.signal import lfilter
 
 from comparisons.hidden_effects import foreign  # noqa: F401  (enters the foreign laws)
 from comparisons.hidden_effects.laws import FOREIGN, LAWS, Scene, sign
+from comparisons.hidden_effects.severity import unabsorbed
 from comparisons.hidden_effects.styles import STYLES, reference
 from comparisons.virtual_robot.figures import usual_torque
 from comparisons.virtual_robot.load import perturbed
 from ident.arrays import FloatArray
-from ident.gap.baseline import SMOOTHINGS
 from ident.log import JointLog
 from ident.robot import Robot, load_robot
 from ident.signals import zero_phase
@@ -214,22 +214,10 @@ class Maker:
         return a
 
     def unabsorbed(self, scenes: Sequence[Scene], forces: Sequence[FloatArray], j: int) -> float:
-        """RMS of the part of a joint's hidden force that the refitted baseline leaves."""
-        target = np.concatenate([f[:, j] for f in forces])
+        """RMS of the part of a joint's hidden force that the baseline leaves, refitted unless it is held fixed."""
         if self.case.changed:
-            return float(np.sqrt(np.mean(target**2)))
-        columns = self.robot.rigid_body.base_parameters(j).columns
-        rows = []
-        for s in scenes:
-            links = self.robot.rigid_body.regressor(s.q, s.dq, s.ddq)[:, j, columns]
-            v = s.dq[:, j]
-            # The baseline chooses over which speed its sign of velocity turns.
-            own = [sign(v), sign(v, float(SMOOTHINGS[-1])), v, s.ddq[:, j], np.ones(len(s.t))]
-            rows.append(np.column_stack([links, *own]))
-        matrix = np.vstack(rows)
-        matrix /= np.linalg.norm(matrix, axis=0)
-        left = target - matrix @ np.linalg.lstsq(matrix, target, rcond=1e-9)[0]
-        return float(np.sqrt(np.mean(left**2)))
+            return float(np.sqrt(np.mean(np.concatenate([f[:, j] for f in forces]) ** 2)))
+        return unabsorbed(scenes, forces, j)
 
     def scene(self, paths: Sequence[FloatArray], rate: float | None = None) -> Scene:
         """What laws see of a log of those paths, one after the other."""

@@ -19,6 +19,7 @@ import numpy as np
 
 from comparisons.hidden_effects.answer import Secret, Truth
 from comparisons.hidden_effects.laws import LAWS, Scene
+from comparisons.hidden_effects.severity import unabsorbed
 from ident.arrays import FloatArray
 from ident.effects.friction import Coulomb, Viscous
 from ident.fit import Drives, fit
@@ -135,7 +136,8 @@ def _added(task: MeasuredTask, model: CurrentModel, train: list[JointLog], test:
     scenes = [_scene(model, logs[0]) for logs in (train, test)]
     residuals = [np.roll(_residual(model, logs[0]), len(logs[0]) // 2, axis=0) for logs in (train, test)]
     wanted = task.severity * float(_size(residuals[0])[task.joint] * model.gain[task.joint])
-    strength = _strength(task, model, scenes[0], wanted)
+    # The laws are linear in their strength.
+    strength = wanted / unabsorbed(scenes[:1], [_force(task, scenes[0], 1.0)[0]], task.joint)
     logs: list[JointLog] = []
     figures: dict[str, float] = {}
     for log, scene, left in zip((train[0], test[0]), scenes, residuals, strict=True):
@@ -150,19 +152,6 @@ def _added(task: MeasuredTask, model: CurrentModel, train: list[JointLog], test:
 
 def _force(task: MeasuredTask, scene: Scene, strength: float) -> tuple[FloatArray, dict[str, float]]:
     return LAWS[task.effect](scene, task.joint, strength, np.random.default_rng([task.seed, task.joint]))
-
-
-def _strength(task: MeasuredTask, model: CurrentModel, scene: Scene, wanted: float) -> float:
-    """Return the strength at which what the baseline cannot absorb has the RMS wanted; the laws are linear in it."""
-    force = _force(task, scene, 1.0)[0][:, task.joint]
-    joint = task.joint
-    base = model.robot.rigid_body.base_parameters(joint).columns
-    links = model.robot.rigid_body.regressor(scene.q, scene.dq, scene.ddq)[:, joint, base]
-    v = scene.dq[:, joint]
-    own = np.column_stack([links, np.tanh(v / 5e-3), v, scene.ddq[:, joint], np.ones(len(v))])
-    own /= np.maximum(np.linalg.norm(own, axis=0), 1e-300)
-    left = force - own @ np.linalg.lstsq(own, force, rcond=1e-9)[0]
-    return wanted / float(np.sqrt(np.mean(left**2)))
 
 
 def _scene(model: CurrentModel, log: JointLog) -> Scene:
