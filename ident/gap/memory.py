@@ -27,10 +27,12 @@ def remembered(residual: FloatArray, starts: IntArray, step: float) -> float:
     Args:
         residual: what is left in the rows (N,).
         starts: numbers of the rows with which each stretch begins.
-        step: seconds from row to row.
+        step: seconds from row to row; with rows farther apart than the neighbours nothing is told.
     """
     width = max(1, round(WIDTH / step))
     offsets = np.arange(max(1, round(NEAREST / step)), round(FARTHEST / step) - width + 2, width)
+    if len(offsets) == 0:
+        return 0.0
     edges = [*starts.tolist(), len(residual)]
     near = np.concatenate([_neighbours(residual[a:b], offsets, width) for a, b in itertools.pairwise(edges)])
     seconds = np.concatenate([step * np.arange(b - a) for a, b in itertools.pairwise(edges)])

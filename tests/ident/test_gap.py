@@ -379,6 +379,7 @@ def test_what_a_residual_remembers_is_told_from_noise_of_short_memory():
     assert remembered(smoothed, starts, 0.01) < 0.01
     # A first-order process, guessed from both sides 0.25 s away: 2 rho^2 / (1 + rho^2) of it, halved by the noise.
     assert 0.25 < remembered(noise + lasting, starts, 0.01) < 0.5
+    assert remembered(noise + lasting, starts, 2.0) == 0.0
 
 
 def test_a_burst_is_held_against_what_is_usual_in_motion(arm):
