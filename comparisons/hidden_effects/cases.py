@@ -203,7 +203,7 @@ class Maker:
 
         def severity(a: float) -> float:
             forces = [self.effect(hidden, s, a)[0] for s in scenes]
-            return max(self.unabsorbed(scenes, forces, j) / float(noise[j]) for j in joints)
+            return max(self.unmodelled(scenes, forces, j) / float(noise[j]) for j in joints)
 
         a: float = 1.0
         for _ in range(12):
@@ -213,7 +213,7 @@ class Maker:
             a *= float((hidden.severity / max(now, 1e-12)) ** 0.9)
         return a
 
-    def unabsorbed(self, scenes: Sequence[Scene], forces: Sequence[FloatArray], j: int) -> float:
+    def unmodelled(self, scenes: Sequence[Scene], forces: Sequence[FloatArray], j: int) -> float:
         """RMS of the part of a joint's hidden force that the baseline leaves, refitted unless it is held fixed."""
         if self.case.changed:
             return float(np.sqrt(np.mean(np.concatenate([f[:, j] for f in forces]) ** 2)))

@@ -12,11 +12,11 @@ from ident.gap.baseline import SMOOTHINGS
 
 
 def unabsorbed(scenes: Sequence[Scene], forces: Sequence[FloatArray], joint: int) -> float:
-    """RMS of the part of a joint's hidden force that links, friction, rotor inertia and offset, refitted, leave.
+    """RMS [force unit] of what links, friction, rotor inertia and offset, refitted, leave of a hidden force.
 
     Args:
         scenes: the logs.
-        forces: the hidden force (N, n) in each.
+        forces: the hidden force (N, n) in each, in the same unit.
         joint: number of the joint, from 0.
     """
     target = np.concatenate([f[:, joint] for f in forces])

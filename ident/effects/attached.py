@@ -102,6 +102,7 @@ class GravityBalancer(Effect):
 
     name = "gravity-balancer"
     family = "rigid-body"
+    kind = "spring"
     rivals = ("cable-spring", "payload")
     excitation = "the joint's whole range, slowly, with the joints beyond it in several poses"
 

@@ -137,6 +137,7 @@ class Effect(ABC):
         contains: names of effects that it has as a limit; where they are missing, they are named before it.
         needs: what of a fitted model its columns depend on: ``load``, ``links``, ``total``.
         rivals: names of effects that it is easily taken for.
+        kind: what it shares with effects that, together, could be any law; a joint is given one of a kind.
         excitation: what the motion must contain for the effect to show.
     """
 
@@ -148,6 +149,7 @@ class Effect(ABC):
     contains: ClassVar[tuple[str, ...]] = ()
     needs: ClassVar[tuple[str, ...]] = ()
     rivals: ClassVar[tuple[str, ...]] = ()
+    kind: ClassVar[str] = ""
     excitation: ClassVar[str] = "motion of the joint"
     catalogue: ClassVar[dict[str, type[Effect]]] = {}
 
@@ -235,10 +237,10 @@ class Effect(ABC):
 
 @dataclass(frozen=True)
 class ToldAtLargest(Effect):
-    """An effect of one joint whose size is told at the largest force.
+    """An effect of one joint whose size is told at the largest force, where it is largest.
 
     Attributes:
-        largest: largest force that the model gives on the logs.
+        largest: largest force that the model gives on the logs, in its force unit.
     """
 
     largest: float = 1.0

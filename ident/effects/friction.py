@@ -204,8 +204,9 @@ class ViscousNonlinear(VelocityEffect):
     def shapes(self) -> tuple[Shape, ...]:
         """Return the exponent."""
         starts = tuple(x for x in (0.5, 0.2, 2.0, 3.0) if self.least < x < self.most)
-        constant = self.least == ViscousNonlinear.least
-        return (Shape("exponent", "1", self.least, self.most, starts, ends=(constant, False)),)
+        middle = (float(np.sqrt(self.least * self.most)),)
+        # Near nought it is dry friction; near one every power bends alike, and the bound says nothing.
+        return (Shape("exponent", "1", self.least, self.most, starts or middle, ends=(self.least < 1.0, False)),)
 
     def coefficients(self, robot: Robot) -> tuple[Coefficient, ...]:
         """Return the friction at 1 rad/s (1 m/s)."""

@@ -75,6 +75,7 @@ class CableSpring(Effect):
 
     name = "cable-spring"
     family = "rigid-body"
+    kind = "spring"
     rivals = ("gravity-balancer", "gear-ripple")
     excitation = "the joint's whole range, with the other joints in several poses"
 

@@ -50,6 +50,12 @@ def _grown(panel: Panel, survey: Survey, tried: Search) -> Search:
     return tried if len(kept) == len(named) else search(panel, survey, gap, kept)
 
 
+def still_holding(panel: Panel, gap: JointGap, named: Sequence[Named]) -> list[Named]:
+    """Names with their shapes fitted anew among one another; none unless each passes beside the others."""
+    again = _swapped(panel, gap, list(named))
+    return again if all(_holds_beside(panel, gap, one, again) for one in again) else []
+
+
 def _holds_beside(panel: Panel, gap: JointGap, one: Named, named: Sequence[Named]) -> bool:
     """Whether an effect passes with all the others in place."""
     beside = Beside.of(panel, gap, [n for n in named if n is not one])

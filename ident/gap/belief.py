@@ -9,7 +9,7 @@ import numpy as np
 from ident.effects.base import Survey
 from ident.gap.abstain import explainable
 from ident.gap.constancy import inconstancy
-from ident.gap.gate import MOVING, RUNNING
+from ident.gap.gate import FAST, MOVING
 from ident.gap.joint_gap import JointGap, Named, classes_of, starts_of
 from ident.gap.memory import remembered
 from ident.gap.panel import Panel
@@ -29,8 +29,8 @@ no motion repeats, they must explain the greater.
 CONSTANT, STEADY = 0.03, 0.025
 """Share of what names explain that varying their coefficients may add; the second where they explain less."""
 
-FEW = 0.1
-"""Share of rows that rest or creep without which no line is looked for in them alone."""
+SLOW_ROWS = 0.1
+"""Share of rows that are no fast motion without which no line is looked for in them alone."""
 
 SEEN, RESTLESS = 0.03, 4.0
 """Share of rows that rest, and motion, must have; how many times larger the mean square must be at rest than in motion
@@ -73,7 +73,7 @@ def unexplained(
     """
     problem = gap.problem(panel, [n.trial for n in named])
     left = explainable(panel, survey, gap.joint, problem.residual, problem.keep)
-    share = max(left.share, _explained(panel, gap, problem, doubted))
+    share = max(left.share, _explained(panel, gap, problem, named, doubted))
     if share > WORTH_SAYING:
         return [Unexplained((gap.joint,), left.depends_on, share)]
     slow = _wandering(panel, problem)
@@ -89,19 +89,21 @@ def unexplained(
     return [Unexplained((gap.joint,), ("t (its own past)",), past)] if past > WORTH_SAYING else []
 
 
-def _explained(panel: Panel, gap: JointGap, problem: JointProblem, doubted: Sequence[Named]) -> float:
+def _explained(
+    panel: Panel, gap: JointGap, problem: JointProblem, named: Sequence[Named], doubted: Sequence[Named]
+) -> float:
     """Share of a problem's squared residual that further effects explain."""
     if not doubted:
         return 0.0
-    left = gap.problem(panel, [n.trial for n in doubted]).residual
+    left = gap.problem(panel, [n.trial for n in (*named, *doubted)]).residual
     return 1.0 - float(left @ left) / max(float(problem.residual @ problem.residual), 1e-300)
 
 
 def _line(panel: Panel, problem: JointProblem, joint: int) -> tuple[float, float] | None:
-    """Frequency [Hz] and share of a line in what is left, or in what is left while the joint rests or creeps."""
-    still = classes_of(panel, problem, joint) < RUNNING
+    """Frequency [Hz] and share of a line in what is left, or in what is left while the joint is not fast."""
+    still = classes_of(panel, problem, joint) < FAST
     for rows in (np.ones(len(problem), dtype=bool), still):
-        if rows.mean() > FEW:
+        if rows.mean() > SLOW_ROWS:
             line = spectral_line(problem.residual * rows, starts_of(panel, problem), row_step(panel))
             if line is not None:
                 return line

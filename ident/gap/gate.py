@@ -24,8 +24,8 @@ EULER = 0.5772156649
 PACES = (0.003, 0.03, 0.3)
 """Speeds, over the mean speed, at which classes of rows part in which the residual is of one size."""
 
-MOVING, RUNNING = 2, 3
-"""First class of speed that is motion, and that is no creeping."""
+MOVING, FAST = 2, 3
+"""First class of speed that is motion, if slow, and that is fast."""
 
 TOLERATED = 0.02
 """Share of the RMS residual by which a candidate may lower it where there is nothing but small errors of the model."""

@@ -3,19 +3,18 @@
 from __future__ import annotations
 
 import itertools
+import math
 
 import numpy as np
 
 from ident.arrays import FloatArray, IntArray
+from ident.gap.abstain import FOLDS, STRETCH
 
 NEAREST, FARTHEST, WIDTH = 0.2, 0.8, 0.1
 """Seconds from a row to the nearest and to the farthest of its neighbours, and over which they are averaged.
 
 Beyond the first, noise that a drive's filters have smoothed is forgotten, and so is what a baseline errs in reversals.
 """
-
-STRETCH, FOLDS = 4.0, 3
-"""Seconds of a stretch of rows that is held out as a whole, and every which one is."""
 
 
 def remembered(residual: FloatArray, starts: IntArray, step: float) -> float:
@@ -27,21 +26,22 @@ def remembered(residual: FloatArray, starts: IntArray, step: float) -> float:
     Args:
         residual: what is left in the rows (N,).
         starts: numbers of the rows with which each stretch begins.
-        step: seconds from row to row; with rows farther apart than the neighbours nothing is told.
+        step: seconds from row to row; where none is as near as that and no nearer, nothing is told.
     """
     width = max(1, round(WIDTH / step))
-    offsets = np.arange(max(1, round(NEAREST / step)), round(FARTHEST / step) - width + 2, width)
-    if len(offsets) == 0:
+    # A hair's breadth, since .2 / .01 is more than 20.
+    offsets = np.arange(math.ceil(NEAREST / step - 1e-6), math.floor(FARTHEST / step + 1e-6) - width + 2, width)
+    squares = float(residual @ residual)
+    if len(offsets) == 0 or squares == 0.0:
         return 0.0
     edges = [*starts.tolist(), len(residual)]
     near = np.concatenate([_neighbours(residual[a:b], offsets, width) for a, b in itertools.pairwise(edges)])
-    seconds = np.concatenate([step * np.arange(b - a) for a, b in itertools.pairwise(edges)])
-    fold = (seconds // STRETCH).astype(np.int64) % FOLDS
+    fold = (step * np.arange(len(residual)) // STRETCH).astype(np.int64) % FOLDS
     predicted = np.zeros(len(residual))
     for k in range(FOLDS):
         held = fold == k
         predicted[held] = near[held] @ np.linalg.lstsq(near[~held], residual[~held])[0]
-    return max(1.0 - float(np.sum((residual - predicted) ** 2)) / max(float(np.sum(residual**2)), 1e-300), 0.0)
+    return max(1.0 - float(np.sum((residual - predicted) ** 2)) / squares, 0.0)
 
 
 def _neighbours(values: FloatArray, offsets: IntArray, width: int) -> FloatArray:

@@ -47,9 +47,6 @@ FEW, RESTS = 0.02, 0.1
 """Share of rows without which motion, and rest, are not asked: a log whose joint stands for less is one of
 reversals."""
 
-SPRINGS = ("cable-spring", "gravity-balancer")
-"""Laws of the joint's own angle."""
-
 WORSE = 0.05
 """Share of what is gained over all folds that may be lost on some, where each has the shape that the others found."""
 
@@ -193,7 +190,7 @@ class Search(Beside):
 
 def search(panel: Panel, survey: Survey, gap: JointGap, named: Sequence[Named] = ()) -> Search:
     """Try what a joint does not have yet, besides what is named."""
-    taken = {kind_of(n.effect) for n in named}
+    taken = {kind_of(effect) for effect in (*gap.present, *(n.effect for n in named))}
     effects = [e for e in forms(survey, gap.joint, gap.present) if kind_of(e) not in taken]
     place = Beside.of(panel, gap, named)
     gate = gate_of(panel, place.problem, gap.joint)
@@ -238,8 +235,5 @@ def penalised(trial: Trial) -> float:
 
 
 def kind_of(effect: Effect) -> tuple[str, int]:
-    """What tells an effect from others of a joint: its name, and the joint that drives it where another does.
-
-    Springs are of one kind: two laws of the same angle, together, fit any curve of it.
-    """
-    return "spring" if effect.name in SPRINGS else effect.name, getattr(effect, "source", 0)
+    """What tells an effect from others of a joint: its kind, and the joint that drives it where another does."""
+    return effect.kind or effect.name, getattr(effect, "source", 0)

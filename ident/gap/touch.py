@@ -22,7 +22,7 @@ BEYOND_NAMES = 2.0
 """And by this many times the RMS of what is named on the joint, whose law may be as wrong in places."""
 
 RAREST = 0.25
-"""Touches fill at most this share of the time; what is there more often is no touch."""
+"""Touches fill at most this share of the time, and half of the motion; what is there more often is no touch."""
 
 
 @dataclass(frozen=True, eq=False)

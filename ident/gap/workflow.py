@@ -16,7 +16,7 @@ from ident.effects.base import Effect, Term
 from ident.errors import InputError
 from ident.fit import Drives, fit
 from ident.gap.abstain import explainable
-from ident.gap.attribute import attribute
+from ident.gap.attribute import attribute, still_holding
 from ident.gap.belief import WORTH_SAYING, believed, unexplained
 from ident.gap.candidates import Trial, coefficients
 from ident.gap.edge import edge_columns, with_less_edge
@@ -77,7 +77,7 @@ def find_gap(
 
 @dataclass(frozen=True, eq=False)
 class _Causes:
-    """Causes of the whole robot, each joint's rows without them, its own causes, or those that are not believed.
+    """Causes of the whole robot, each joint's rows without them, its own causes, and those that are not believed.
 
     ``p_values`` (n,) say how sure the first of each joint is.
     """
@@ -152,19 +152,28 @@ class _Workflow:
         return _Causes(wholes, gaps, sure, doubted, p_values)
 
     def judged(self, last: Search) -> tuple[JointGap, list[Named], list[Named]]:
-        """A joint's rows, the names that are believed, and those that explain what they leave but are not."""
-        named = list(last.named)
-        names = believed(self.panel, self.survey, last.gap, named)
+        """A joint's rows, the names that are believed, and those that explain what is left but are not."""
+        names, doubted = self.parted(last)
         if names:
-            return last.gap, names, named if len(names) < len(named) else []
+            return last.gap, names, doubted
         sharp = with_less_edge(self.panel, last.gap, self.model.terms)
         if sharp is not None:
             found = attribute(self.panel, self.survey, search(self.panel, self.survey, sharp))
-            names = believed(self.panel, self.survey, sharp, found.named)
+            names, withdrawn = self.parted(found)
             if names:
-                return sharp, names, []
-        bold = None if named else last.winner(self.panel, certain=False)
-        return last.gap, [], named if bold is None else [bold]
+                return sharp, names, withdrawn
+        bold = None if doubted else last.winner(self.panel, certain=False)
+        return last.gap, [], doubted if bold is None else [bold]
+
+    def parted(self, last: Search) -> tuple[list[Named], list[Named]]:
+        """Names of a joint that are believed, and those that are withdrawn: all, if the others do not hold alone."""
+        named = list(last.named)
+        names = believed(self.panel, self.survey, last.gap, named)
+        if len(names) == len(named):
+            return names, []
+        kept = {one.effect for one in names}
+        names = still_holding(self.panel, last.gap, names)
+        return names, [one for one in named if not names or one.effect not in kept]
 
     def seen_anew(self, searches: Sequence[Search]) -> list[Search]:
         """The searches, anew where a likely effect depends on links that, fitted without it, have bent to it."""

@@ -184,7 +184,7 @@ def test_hidden_effects_have_the_severity_asked_for(name, severity):
     strength = maker.strength(case.hidden[0], scenes, noise)
     forces = [maker.effect(case.hidden[0], s, strength)[0] for s in scenes]
     joints = range(maker.robot.n) if joint is None else [joint]
-    assert max(maker.unabsorbed(scenes, forces, j) / noise[j] for j in joints) == pytest.approx(severity, rel=0.03)
+    assert max(maker.unmodelled(scenes, forces, j) / noise[j] for j in joints) == pytest.approx(severity, rel=0.03)
 
 
 def test_same_seed_same_logs():

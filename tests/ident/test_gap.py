@@ -17,9 +17,10 @@ from ident.gap.experiment import Joined, Question, separating, with_motion
 from ident.gap.gate import Gate, surrogates
 from ident.gap.joint_gap import JointGap
 from ident.gap.memory import remembered
+from ident.gap.panel import Panel
 from ident.gap.problem import JointProblem
 from ident.gap.rows import panel_of
-from ident.gap.search import Search, agrees
+from ident.gap.search import Search, agrees, kind_of
 from ident.gap.settle import next_experiment
 from ident.gap.spectrum import spectral_line
 from ident.gap.touch import find_touches
@@ -190,22 +191,31 @@ def test_what_the_catalogue_does_not_have_is_not_named(arm):
     assert "Hz" in one.depends_on[0]
 
 
-def bumps(t, q, dq):
-    return 1.5 * np.maximum(q[:, 1] - np.quantile(q[:, 1], 0.8), 0.0) ** 1.5
+def follows_nothing(seconds, size):
+    """Noise that lasts for some seconds, another in every log."""
+
+    def law(t, q, dq):
+        rng, pole = np.random.default_rng(round(1e6 * abs(q[5, 0]))), np.exp(-1.0 / (seconds * RATE))
+        return size * lfilter([np.sqrt(1.0 - pole**2)], [1.0, -pole], rng.standard_normal(len(t)))
+
+    return law
 
 
-def follows_nothing(t, q, dq):
-    rng = np.random.default_rng(round(1e6 * abs(q[5, 0])))
-    return 0.3 * lfilter([np.sqrt(1 - 0.95**2)], [1.0, -0.95], rng.standard_normal(len(t)))
+def test_a_joint_is_given_one_spring():
+    kinds = [kind_of(load_catalogue()[name](0)) for name in ("cable-spring", "gravity-balancer", "gear-ripple")]
+    assert kinds[0] == kinds[1] != kinds[2]
 
 
-def test_two_springs_on_a_joint_are_a_fit_of_a_curve_and_no_names(arm):
-    found = structure(arm, hidden=bumps)
-    assert len([f for f in found.findings if f.effect in ("cable-spring", "gravity-balancer")]) < 2
+def test_names_that_leave_what_lasts_are_withdrawn(arm, monkeypatch):
+    # The same logs have it named elsewhere here; only what the residual remembers is another.
+    monkeypatch.setattr(belief, "remembered", lambda *_: 0.5)
+    found = structure(arm, hidden=lambda t, q, dq: 0.4 * np.sign(dq[:, 1]) * np.exp(-(np.abs(dq[:, 1] / 0.04) ** 1.5)))
+    assert found.findings == ()
+    assert (1,) in [u.joints for u in found.unexplained]
 
 
 def test_what_lasts_and_follows_no_signal_is_unexplained(arm):
-    found = structure(arm, hidden=follows_nothing)
+    found = structure(arm, hidden=follows_nothing(0.2, 0.3))
     assert found.findings == ()
     (one,) = found.unexplained
     assert one.joints == (1,)
@@ -379,22 +389,28 @@ def test_what_a_residual_remembers_is_told_from_noise_of_short_memory():
     assert remembered(smoothed, starts, 0.01) < 0.01
     # A first-order process, guessed from both sides 0.25 s away: 2 rho^2 / (1 + rho^2) of it, halved by the noise.
     assert 0.25 < remembered(noise + lasting, starts, 0.01) < 0.5
-    assert remembered(noise + lasting, starts, 2.0) == 0.0
+    # Stretches shorter than what is held out are told apart, too; rows too far apart, or resting, tell nothing.
+    assert 0.25 < remembered(noise + lasting, np.arange(0, 18_000, 350), 0.01) < 0.5
+    assert remembered(smoothed[::15], starts // 15, 0.15) < 0.02
+    assert remembered(noise + lasting, starts, 1.0) == 0.0
+    assert remembered(np.zeros(18_000), starts, 0.01) == 0.0
 
 
-def test_a_burst_is_held_against_what_is_usual_in_motion(arm):
-    log = record(arm, 1)
+def test_a_burst_is_held_against_what_is_usual_in_motion(arm, monkeypatch):
+    log, rng = record(arm, 1), np.random.default_rng(0)
     panel = panel_of(baseline_model(arm, [log]), [log])
-    residuals = 0.01 * np.random.default_rng(0).standard_normal((len(panel), 2))
-    speed = np.abs(panel.velocity[:, 1])
-    brisk = speed > np.quantile(speed, 0.7)
-    touched = residuals.copy()
-    touched[:, 1] += np.where(np.abs(np.arange(len(panel)) - 2000) < 25, 0.2, 0.0)
-    nothing = np.zeros_like(residuals)
-    assert find_touches(panel, touched, nothing).joints == (1,)
-    residuals[:, 1] += np.where(brisk, 0.15, 0.0)
-    touched = residuals.copy()
-    assert find_touches(panel, touched, nothing).joints == ()
+    move, place = np.divmod(np.arange(len(panel)), 500)
+    moving = place < 100
+    monkeypatch.setattr(Panel, "velocity", np.where(moving, 0.5, 0.0)[:, None] * np.ones(2))
+    nothing = np.zeros((len(panel), 2))
+    residuals = 0.01 * rng.standard_normal((len(panel), 2))
+    residuals[:, 1] += moving * 0.1 * rng.choice([-1.0, 1.0], 50)[move]
+    assert find_touches(panel, residuals, nothing).episodes == 0
+    residuals[2200:2250, 1] += 0.1
+    assert find_touches(panel, residuals, nothing).episodes == 1
+    residuals[2200:2250, 1] -= 0.1
+    residuals[2510:2560, 1] += 1.2
+    assert find_touches(panel, residuals, nothing).episodes == 1
 
 
 def test_a_wandering_offset_is_told_from_noise():
