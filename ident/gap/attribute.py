@@ -6,11 +6,11 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 from ident.effects.base import Survey
-from ident.gap.candidates import Trial, refine, with_errors
+from ident.gap.candidates import Trial, kind_of, refine, with_errors
 from ident.gap.joint_gap import JointGap, Named
 from ident.gap.panel import Panel
 from ident.gap.problem import gain
-from ident.gap.search import GAIN, Beside, Search, kind_of, law_error, penalised, search
+from ident.gap.search import GAIN, Beside, Search, law_error, penalised, search
 
 MOST = 4
 """Effects at most that one joint is given."""
@@ -51,7 +51,7 @@ def _grown(panel: Panel, survey: Survey, tried: Search) -> Search:
 
 
 def still_holding(panel: Panel, gap: JointGap, named: Sequence[Named]) -> list[Named]:
-    """Names with their shapes fitted anew among one another; none unless each passes beside the others."""
+    """Names, each fitted anew among the others or its better rival; none unless each passes beside the others."""
     again = _swapped(panel, gap, list(named))
     return again if all(_holds_beside(panel, gap, one, again) for one in again) else []
 

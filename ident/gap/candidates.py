@@ -59,13 +59,18 @@ def at_bound(effect: Effect, shape: FloatArray) -> bool:
 
 
 def forms(survey: Survey, joint: int | None, present: Sequence[Effect]) -> list[Effect]:
-    """Every form of every effect in which a joint (None: the whole robot) does not have it yet."""
+    """Every form of every effect of whose kind a joint (None: the whole robot) has none yet."""
     found: list[Effect] = []
-    for kind in load_catalogue().values():
-        if kind.name != "links":
-            found += kind.candidates(survey, joint)
-    there = {(effect.name, getattr(effect, "source", None)) for effect in present}
-    return [effect for effect in found if (effect.name, getattr(effect, "source", None)) not in there]
+    for entry in load_catalogue().values():
+        if entry.name != "links":
+            found += entry.candidates(survey, joint)
+    there = {kind_of(effect) for effect in present}
+    return [effect for effect in found if kind_of(effect) not in there]
+
+
+def kind_of(effect: Effect) -> tuple[str, int]:
+    """What tells an effect from others of a joint: its kind, and the joint that drives it where another does."""
+    return effect.kind or effect.name, getattr(effect, "source", 0)
 
 
 def grid(shapes: Sequence[Shape]) -> Iterator[FloatArray]:

@@ -6,6 +6,7 @@ import itertools
 import math
 
 import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
 
 from ident.arrays import FloatArray, IntArray
 from ident.gap.abstain import FOLDS, STRETCH
@@ -47,9 +48,7 @@ def remembered(residual: FloatArray, starts: IntArray, step: float) -> float:
 def _neighbours(values: FloatArray, offsets: IntArray, width: int) -> FloatArray:
     """Means (N, 2 k) of values (N,) over windows that begin k offsets before and after; nought beyond the ends."""
     reach = int(offsets[-1]) + width
-    padded = np.pad(values, reach)
-    sums = np.cumsum(np.insert(padded, 0, 0.0))
-    at = reach + np.arange(len(values))
-    after = [sums[at + k + width] - sums[at + k] for k in offsets.tolist()]
-    before = [sums[at - k + 1] - sums[at - k - width + 1] for k in offsets.tolist()]
-    return np.stack([*before, *after], axis=1) / width
+    means = sliding_window_view(np.pad(values, reach), width).mean(axis=1)
+    at = reach + np.arange(len(values))[:, None]
+    near: FloatArray = means[at + np.concatenate([1 - width - offsets, offsets])]
+    return near

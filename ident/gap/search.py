@@ -190,8 +190,7 @@ class Search(Beside):
 
 def search(panel: Panel, survey: Survey, gap: JointGap, named: Sequence[Named] = ()) -> Search:
     """Try what a joint does not have yet, besides what is named."""
-    taken = {kind_of(effect) for effect in (*gap.present, *(n.effect for n in named))}
-    effects = [e for e in forms(survey, gap.joint, gap.present) if kind_of(e) not in taken]
+    effects = forms(survey, gap.joint, [*gap.present, *(n.effect for n in named)])
     place = Beside.of(panel, gap, named)
     gate = gate_of(panel, place.problem, gap.joint)
     trials = best_trials(panel, gate, effects, gap.joint)
@@ -232,8 +231,3 @@ def penalised(trial: Trial) -> float:
         return np.inf
     parameters = len(trial.shape) + trial.columns
     return trial.errors.total * (1.0 + 2.0 * PARSIMONY * parameters)
-
-
-def kind_of(effect: Effect) -> tuple[str, int]:
-    """What tells an effect from others of a joint: its kind, and the joint that drives it where another does."""
-    return effect.kind or effect.name, getattr(effect, "source", 0)

@@ -169,11 +169,11 @@ class _Workflow:
         """Names of a joint that are believed, and those that are withdrawn: all, if the others do not hold alone."""
         named = list(last.named)
         names = believed(self.panel, self.survey, last.gap, named)
-        if len(names) == len(named):
+        withdrawn = [one for one in named if one not in names]
+        if not withdrawn:
             return names, []
-        kept = {one.effect for one in names}
         names = still_holding(self.panel, last.gap, names)
-        return names, [one for one in named if not names or one.effect not in kept]
+        return names, withdrawn if names else named
 
     def seen_anew(self, searches: Sequence[Search]) -> list[Search]:
         """The searches, anew where a likely effect depends on links that, fitted without it, have bent to it."""

@@ -1,0 +1,78 @@
+"""What the gap workflow tells of residuals alone: significance, lines, memory, wandering, agreement at rest."""
+
+import numpy as np
+import pytest
+from scipy.signal import lfilter
+
+from ident.gap.gate import Gate, surrogates
+from ident.gap.memory import remembered
+from ident.gap.problem import JointProblem
+from ident.gap.search import agrees
+from ident.gap.spectrum import spectral_line
+from ident.gap.wander import wandering
+
+
+def test_what_fits_the_rests_alone_does_not_agree():
+    rng = np.random.default_rng(0)
+    moving = np.arange(4000) % 400 >= 320
+    force = np.repeat(rng.standard_normal(40), 100)
+    noise = 0.2 * rng.standard_normal(4000)
+    problem = JointProblem(np.zeros((4000, 0)), force * ~moving + noise, np.arange(4000) // 1000, np.ones(4000, bool))
+    assert not agrees(problem, force[:, None], (moving, ~moving))
+    assert agrees(problem, (force * ~moving)[:, None], (moving, ~moving))
+
+
+def test_the_gate_calls_one_in_a_hundred_of_coloured_noises_significant():
+    rng = np.random.default_rng(3)
+    rows, low = 1500, 0
+    t = np.arange(rows)
+    candidates = [np.sin(2 * np.pi * f * t / rows)[:, None] for f in np.linspace(1, 60, 25)]
+    for _ in range(60):
+        noise = np.convolve(rng.standard_normal(rows + 40), np.exp(-np.arange(40) / 12.0), "valid")[:rows]
+        problem = JointProblem(np.ones((rows, 1)), noise, t * 4 // rows, np.ones(rows, dtype=bool))
+        gate = Gate(problem, np.array([0]), np.ones(rows))
+        low += gate.p_value(max(gate.look([c])[1][0] for c in candidates)) < 0.05
+    assert low <= 9
+
+
+def test_surrogates_keep_the_spectrum():
+    signal = np.random.default_rng(0).standard_normal(256).cumsum()
+    drawn = surrogates(signal, np.array([0]), 3, np.random.default_rng(1))
+    for one in drawn.T:
+        np.testing.assert_allclose(np.abs(np.fft.rfft(one)), np.abs(np.fft.rfft(signal)), rtol=1e-2, atol=1e-2)
+
+
+def test_a_line_in_the_spectrum_is_found_and_noise_has_none():
+    rng = np.random.default_rng(4)
+    t = np.arange(6000) / 100.0
+    noise = rng.standard_normal(6000)
+    assert spectral_line(noise, np.array([0]), 0.01) is None
+    hertz, share = spectral_line(noise + np.sin(2 * np.pi * 7.0 * t), np.array([0]), 0.01)
+    assert hertz == pytest.approx(7.0, abs=0.2)
+    assert share > 0.2
+
+
+def test_what_a_residual_remembers_is_told_from_noise_of_short_memory():
+    rng = np.random.default_rng(4)
+    noise, starts = rng.standard_normal(18_000), np.array([0, 6000, 12_000])
+    smoothed = lfilter([0.2], [1.0, -0.8], noise)
+    lasting = lfilter([np.sqrt(1 - 0.99**2)], [1.0, -0.99], rng.standard_normal(len(noise)))
+    assert remembered(noise, starts, 0.01) < 0.01
+    assert remembered(smoothed, starts, 0.01) < 0.01
+    # A first-order process, guessed from both sides 0.25 s away: 2 rho^2 / (1 + rho^2) of it, halved by the noise.
+    assert 0.25 < remembered(noise + lasting, starts, 0.01) < 0.5
+    # Stretches shorter than what is held out are told apart, too; rows too far apart, or resting, tell nothing.
+    assert 0.25 < remembered(noise + lasting, np.arange(0, 18_000, 350), 0.01) < 0.5
+    assert remembered(smoothed[::15], starts // 15, 0.15) < 0.02
+    assert remembered(noise + lasting, starts, 1.0) == 0.0
+    assert remembered(np.zeros(18_000), starts, 0.01) == 0.0
+
+
+def test_a_wandering_offset_is_told_from_noise():
+    rng = np.random.default_rng(6)
+    noise = rng.standard_normal(6000)
+    starts = np.array([0, 3000])
+    assert wandering(noise, starts, 0.01) < 0.02
+    walk = np.cumsum(rng.standard_normal(6000)) / 40.0
+    assert wandering(noise + walk, starts, 0.01) > 0.1
+    assert wandering(noise[:500], np.array([0]), 0.01) == 0.0
