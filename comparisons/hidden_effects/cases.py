@@ -198,7 +198,11 @@ class Maker:
         return scaled
 
     def strength(self, hidden: Hidden, scenes: Sequence[Scene], noise: FloatArray) -> float:
-        """Find the strength that has the severity; secant steps on the logarithm."""
+        """Find the strength that has the severity; secant steps on the logarithm.
+
+        Raises:
+            ValueError: no strength has it: friction does not turn round, and gears do not wind up by radians.
+        """
         joints = range(self.robot.n) if hidden.joint is None else [hidden.joint]
 
         def severity(a: float) -> float:
@@ -211,6 +215,9 @@ class Maker:
             if abs(now / hidden.severity - 1.0) < 0.02:
                 break
             a *= float((hidden.severity / max(now, 1e-12)) ** 0.9)
+        else:
+            if abs(severity(a) / hidden.severity - 1.0) > 0.2:
+                raise ValueError(f"{hidden.effect} does not reach severity {hidden.severity:g} in these logs")
         return a
 
     def unmodelled(self, scenes: Sequence[Scene], forces: Sequence[FloatArray], j: int) -> float:

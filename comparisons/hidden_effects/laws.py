@@ -40,6 +40,9 @@ Law = Callable[[Scene, int, float, np.random.Generator], tuple[FloatArray, dict[
 The random generator is seeded alike for every log of a case, so that figures drawn from it are the same in all.
 """
 
+WINDS = 0.1
+"""Angle [rad] that a gear winds up by under a joint's larger torques, at most."""
+
 LAWS: dict[str, Law] = {}
 FOREIGN: dict[str, Law] = {}
 """Laws of effects that the catalogue does not have."""
@@ -187,7 +190,7 @@ def _(s: Scene, j: int, a: float, rng: np.random.Generator) -> tuple[FloatArray,
 
 @law("elasticity")
 def _(s: Scene, j: int, a: float, rng: np.random.Generator) -> tuple[FloatArray, dict[str, float]]:
-    load, compliance = s.torque[:, j], 1e-4 * a
+    load, compliance = s.torque[:, j], min(1e-4 * a, WINDS / (8.0 * s.coulomb[j]))
     wind = np.zeros_like(s.q)
     wind[:, j] = compliance * load
     speed, bend = np.gradient(wind, s.t, axis=0), np.gradient(np.gradient(wind, s.t, axis=0), s.t, axis=0)
