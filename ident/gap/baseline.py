@@ -80,12 +80,24 @@ class _Smoothed:
 
 def _followed(best: _Smoothed, factor: float, train: Sequence[LogSource], logged: bool) -> _Smoothed:
     """The model with its cut-off multiplied by a factor for as long as it predicts better."""
-    while best.model.cutoff * factor < HIGHEST * best.model.rate:
-        other = _best_velocities(replace(best.model, cutoff=factor * best.model.cutoff), train, logged)
-        if other.error > best.error - WORTH * best.model.n or other.rows < ROWS_KEPT * best.rows:
-            break
-        best = other
+    while (better := _better(best, factor, train, logged)) is not None:
+        best = better
     return best
+
+
+def _better(best: _Smoothed, factor: float, train: Sequence[LogSource], logged: bool) -> _Smoothed | None:
+    """The model a step or two on, if it predicts that much better; None if it does not.
+
+    Poses held out that links are hardly told from make errors jump: the step beyond a worse one may be the better.
+    """
+    for steps in (1, 2):
+        cutoff = best.model.cutoff * factor**steps
+        if cutoff >= HIGHEST * best.model.rate:
+            break
+        other = _best_velocities(replace(best.model, cutoff=cutoff), train, logged)
+        if other.error <= best.error - steps * WORTH * best.model.n and other.rows >= ROWS_KEPT * best.rows:
+            return other
+    return None
 
 
 def _best_velocities(model: CurrentModel, train: Sequence[LogSource], logged: bool) -> _Smoothed:

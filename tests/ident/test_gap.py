@@ -1,5 +1,7 @@
 """The gap workflow on a two-link arm: names what is hidden, keeps silent where nothing or something foreign is."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.interpolate import CubicSpline
@@ -9,7 +11,7 @@ from ident.effects import load_catalogue
 from ident.effects.base import Shape
 from ident.effects.friction import Coulomb
 from ident.fit import Drives, fit
-from ident.gap import baseline_model, belief, find_gap
+from ident.gap import baseline, baseline_model, belief, find_gap
 from ident.gap.baseline import EFFECTS
 from ident.gap.candidates import Trial, climb, kind_of
 from ident.gap.edge import edge_columns, with_less_edge
@@ -275,6 +277,17 @@ def test_cut_off_is_the_one_that_predicts_best_unless_it_is_given(arm):
     assert chosen.cutoff < spectrum
     errors = [np.nanmean((train[0].current - m.predict(train[0])) ** 2) for m in (chosen, given)]
     assert errors[0] < errors[1]
+
+
+def test_the_cut_off_is_sought_beyond_a_worse_step(arm, monkeypatch):
+    model = replace(identify(arm, logs(arm, 1), effects=EFFECTS).model, cutoff=20.0)
+    errors = {20.0: 0.0, 14.0: 0.5, 9.8: -1.0, 6.86: -0.99, 4.8: -0.98}
+
+    def tried(model, train, logged):
+        return baseline._Smoothed(model, errors[round(model.cutoff, 2)], 100)
+
+    monkeypatch.setattr(baseline, "_best_velocities", tried)
+    assert baseline._followed(tried(model, [], False), 0.7, [], False).model.cutoff == pytest.approx(9.8)
 
 
 def test_shapes_are_searched_on_either_side_of_a_negative_start():
