@@ -174,7 +174,7 @@ def add_terms(
         if kind == _SLIP:
             force[j] += _slip(q[j], values[v : v + 2 * elements], memory[m : m + elements])
         elif kind == _CROSS:
-            mixed = dq[j] + values[v + 1] * dq[source]
+            mixed = math.cos(values[v + 1]) * dq[j] + math.sin(values[v + 1]) * dq[source]
             force[j] += values[v + 3] * math.tanh(mixed / values[v + 2]) + values[v + 4] * dq[source]
         elif kind <= _ROTOR or kind in (_CABLE, _RIPPLE):
             force[j] += _plain(kind, values[v:], q[j], dq[j], ddq[j])

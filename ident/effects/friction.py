@@ -20,6 +20,9 @@ SMOOTHING = 5e-3
 SLOWEST_SIGMOID = 0.01
 """Speed [rad/s or m/s] below which a rise of friction is but the smoothing of a sign."""
 
+MOST_SWINGS = 12.0
+"""Swings of friction a turn (a metre) at most; more are teeth."""
+
 
 @dataclass(frozen=True)
 class VelocityEffect(Effect):
@@ -252,19 +255,32 @@ class PositionFriction(VelocityEffect):
 
     A swing and its second harmonic stand for what is no sine, such as a spot that rubs. Friction that repeats with the
     turn of a gear stage has been measured on industrial robots (Simoni et al. 2019).
+
+    Attributes:
+        fewest: fewest swings a turn (a metre).
     """
+
+    fewest: float = 0.3
 
     name = "position-friction"
     family = "friction"
     rivals = ("load-friction", "gear-ripple")
     excitation = "the same angles crossed in both directions, over most of the range"
 
+    @classmethod
+    def candidates(cls, survey: Survey, joint: int | None) -> list[Effect]:
+        """Try it with a quarter of a swing and more over the range seen: less is a difference of large forces."""
+        if joint is None:
+            return []
+        fewest = 0.5 * np.pi / max(float(survey.reach[joint]), 1e-3)
+        return [cls(joint, float(survey.smoothing[joint]), float(np.clip(fewest, cls.fewest, 0.5 * MOST_SWINGS)))]
+
     @property
     def shapes(self) -> tuple[Shape, ...]:
         """Return the swings a turn (a metre) of the joint."""
-        starts = (1.0, 0.5, 2.0, 3.0, 4.0, 6.0, 8.0, 10.0)
+        starts = [x for x in (1.0, 0.5, 2.0, 3.0, 4.0, 6.0, 8.0, 10.0) if x > self.fewest]
         # Of less than a swing the logs show a slope, and of that any slow swing is as good.
-        return (Shape("per_turn", "1", 0.3, 12.0, starts, log=False, ends=(False, True)),)
+        return (Shape("per_turn", "1", self.fewest, MOST_SWINGS, tuple(starts), log=False, ends=(False, True)),)
 
     def coefficients(self, robot: Robot) -> tuple[Coefficient, ...]:
         """Return the swing in and out of phase with the joint's zero, and that of its second harmonic."""

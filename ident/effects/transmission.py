@@ -56,28 +56,36 @@ class CrossJointFriction(Effect):
 
     @property
     def shapes(self) -> tuple[Shape, ...]:
-        """Return how much of the other joint's motion enters, and over which speed the mixed one's friction turns."""
-        turn = Shape("speed", "{angle}/s", 5e-4, 0.2, (0.02,), ends=(False, False))
-        return (Shape("ratio", "1", -2.0, 2.0, (1.0, -1.0), log=False), turn)
+        """Return the angle that mixes the two joints' motion, and over which speed the mixed one's friction turns."""
+        quarter = 0.25 * np.pi
+        # At the bounds friction is that of the other joint's motion alone.
+        mix = Shape(
+            "mix", "rad", -2 * quarter, 2 * quarter, (quarter, -quarter, 1.4, -1.4), log=False, ends=(False, False)
+        )
+        return (mix, Shape("speed", "{angle}/s", 5e-4, 0.2, (0.02,), ends=(False, False)))
 
     def coefficients(self, robot: Robot) -> tuple[Coefficient, ...]:
         """Return dry friction and damping against the mixed speed."""
         return (Coefficient("force", "{current}", lower=0.0), Coefficient("damping", "{current} s/{angle}"))
 
     def columns(self, context: Context, shape: FloatArray, memory: FloatArray) -> FloatArray:
-        """Return the sign of dq_joint + ratio dq_source, turning over a speed, and the part of it that is dq_source."""
-        other = context.motion.dq[:, self.source]
-        mixed = context.motion.dq[:, self.at] + shape[0] * other
+        """Return the sign of cos(mix) dq_joint + sin(mix) dq_source, turning over a speed, and the part dq_source."""
+        own, other = self._speeds(context)
+        mixed = np.cos(shape[0]) * own + np.sin(shape[0]) * other
         # The joint's own damping is the viscous effect's.
         return np.stack([np.tanh(mixed / shape[1]), other], axis=1)
 
     def gradient(self, context: Context, shape: FloatArray) -> FloatArray:
-        """Differentiate the columns by the ratio and the speed."""
-        other, speed = context.motion.dq[:, self.source], float(shape[1])
-        mixed = context.motion.dq[:, self.at] + shape[0] * other
+        """Differentiate the columns by the mix and the speed."""
+        own, other = self._speeds(context)
+        mix, speed = float(shape[0]), float(shape[1])
+        mixed, turned = np.cos(mix) * own + np.sin(mix) * other, np.cos(mix) * other - np.sin(mix) * own
         slope = (1.0 - np.tanh(mixed / speed) ** 2) / speed
         nought = np.zeros(len(other))
-        return np.stack([np.stack([slope * d, nought], axis=1) for d in (other, -mixed / speed)])
+        return np.stack([np.stack([slope * d, nought], axis=1) for d in (turned, -mixed / speed)])
+
+    def _speeds(self, context: Context) -> tuple[FloatArray, FloatArray]:
+        return context.motion.dq[:, self.at], context.motion.dq[:, self.source]
 
 
 @dataclass(frozen=True)

@@ -9,7 +9,7 @@ from scipy.interpolate import CubicSpline
 
 from ident.effects import load_catalogue
 from ident.effects.base import Context, Effect, initial_term
-from ident.effects.friction import Coulomb, LoadFriction, ViscousNonlinear
+from ident.effects.friction import Coulomb, LoadFriction, PositionFriction, ViscousNonlinear
 from ident.effects.hysteresis import MaxwellSlip
 from ident.effects.rigid_body import Links, RotorInertia
 from ident.effects.timing import Delay, FilterLag
@@ -224,3 +224,12 @@ def test_a_power_of_speed_is_tried_on_either_side_of_viscous_friction():
     survey = SimpleNamespace(smoothing=np.full(6, 2e-3))
     ranges = [form.shapes[0] for form in ViscousNonlinear.candidates(survey, 1)]
     assert [(s.lower, s.upper, s.starts) for s in ranges] == [(0.1, 0.9, (0.5, 0.2)), (1.1, 4.0, (2.0, 3.0))]
+
+
+@pytest.mark.parametrize(("reach", "fewest"), [(1.5, 1.05), (6.0, 0.3), (0.01, 6.0)])
+def test_friction_swings_a_quarter_and_more_over_the_angles_seen(reach, fewest):
+    survey = SimpleNamespace(smoothing=np.full(6, 2e-3), reach=np.full(6, reach))
+    (form,) = PositionFriction.candidates(survey, 1)
+    (swings,) = form.shapes
+    assert swings.lower == pytest.approx(fewest, abs=0.01)
+    assert all(swings.lower < start < swings.upper for start in swings.starts)

@@ -40,6 +40,7 @@ CASES = [
     ([Viscous(1), Sigmoid(1)], [[], [0.06, 0.02]], [[2.0], [6.0]], 1),
     ([Coulomb(1), ViscousNonlinear(1)], [[], [0.6]], [[2.0], [6.0]], 1),
     ([Viscous(1), CrossJointFriction(1, source=2)], [[], [-0.7, 0.03]], [[2.0], [3.0, 1.0]], 1),
+    ([Viscous(1), CrossJointFriction(1, source=2)], [[], [1.55, 0.03]], [[2.0], [3.0, 1.0]], 1),
     ([Viscous(1), GearRipple(1)], [[], [13.3]], [[2.0], [0.8, -0.5]], 1),
 ]
 
