@@ -165,6 +165,43 @@ class PositionsOnly:
         return self.source.read().positions_only()
 
 
+@dataclass(frozen=True, eq=False)
+class WithoutStretches:
+    """A source of logs with stretches cut out; what is left of a segment on either side are segments of their own.
+
+    Attributes:
+        source: the logs.
+        stretches: number of the segment, first and last time [s] of each.
+    """
+
+    source: LogSource
+    stretches: tuple[tuple[int, float, float], ...]
+
+    @property
+    def name(self) -> str:
+        """Name of the log."""
+        return self.source.name
+
+    def blocks(self, rows: int) -> Iterator[JointLog]:
+        """Yield consecutive pieces of at most ``rows`` rows, none of them across a cut."""
+        number, before = -1, None
+        for block in self.source.blocks(rows):
+            own, left = int(block.segment[0]), np.ones(len(block), dtype=bool)
+            for segment, first, last in self.stretches:
+                left &= (block.t < first) | (block.t > last) | (segment != own)
+            edges = np.flatnonzero(np.diff(left, prepend=False, append=False)).tolist()
+            for a, b in zip(edges[::2], edges[1::2], strict=True):
+                number += before != own or a > 0
+                yield block[a:b].replace(segment=np.full(b - a, number, dtype=np.int64))
+                before = own
+            before = own if left[-1] else None
+
+    def read(self) -> JointLog:
+        """Return what is left of the log."""
+        whole = self.source.read()
+        return concatenate(list(WithoutStretches(whole, self.stretches).blocks(len(whole))), self.name)
+
+
 def concatenate(logs: list[JointLog], name: str = "log") -> JointLog:
     """Join logs of one robot end to end, each beginning segments of its own; columns missing in one are dropped.
 

@@ -62,7 +62,8 @@ class CrossJointFriction(Effect):
         mix = Shape(
             "mix", "rad", -2 * quarter, 2 * quarter, (quarter, -quarter, 1.4, -1.4), log=False, ends=(False, False)
         )
-        return (mix, Shape("speed", "{angle}/s", 5e-4, 0.2, (0.02,), ends=(False, False)))
+        # What turns over so wide a range of speeds as the upper bound is damping.
+        return (mix, Shape("speed", "{angle}/s", 5e-4, 0.2, (0.02,), ends=(False, True)))
 
     def coefficients(self, robot: Robot) -> tuple[Coefficient, ...]:
         """Return dry friction and damping against the mixed speed."""

@@ -13,7 +13,6 @@ from ident.gap.evidence import Evidence
 from ident.gap.localise import GapMap
 from ident.gap.panel import Panel
 from ident.gap.preflight import Untestable
-from ident.gap.touch import Touches
 from ident.model import CurrentModel
 
 
@@ -71,7 +70,6 @@ class GapReport:
         findings: named causes, those that explain most first.
         unexplained: what is there and was not named.
         untestable: what the logs could not show.
-        touches: contact that was left out.
         map_before, map_after: the gap by joint and regime, on the train logs.
         panel, survey: the rows that were looked at.
         residuals: of those rows, before and after, (N, n), in force units; NaN in rows that were left out.
@@ -84,7 +82,6 @@ class GapReport:
     findings: tuple[Finding, ...]
     unexplained: tuple[Unexplained, ...]
     untestable: tuple[Untestable, ...]
-    touches: Touches
     map_before: GapMap
     map_after: GapMap
     panel: Panel = field(repr=False)

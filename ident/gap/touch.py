@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -11,6 +12,7 @@ from scipy.ndimage import binary_dilation, label, uniform_filter1d
 from ident.arrays import BoolArray, FloatArray
 from ident.gap.gate import MOVING, speed_classes
 from ident.gap.panel import Panel
+from ident.log import LogSource, WithoutStretches
 
 SMOOTH, SHORTEST, MARGIN = 0.2, 0.25, 0.3
 """Seconds over which the residual is averaged, that a touch lasts at least, and that are left out around it."""
@@ -40,6 +42,17 @@ class Touches:
     joints: tuple[int, ...]
     seconds: float
     episodes: int
+
+    def cut(self, panel: Panel, sources: Sequence[LogSource]) -> list[LogSource]:
+        """The logs without the episodes and their margins; logs of one name lose the same."""
+        stretches: dict[str, list[tuple[int, float, float]]] = {}
+        for block, rows, begin in zip(panel.blocks, panel.rows, panel.start, strict=True):
+            t, pieces = block.log.t[rows], label(self.rows[begin : begin + len(rows)])[0]
+            for k in range(1, int(pieces.max(initial=0)) + 1):
+                episode = t[pieces == k]
+                stretch = int(block.log.segment[0]), float(episode[0]), float(episode[-1])
+                stretches.setdefault(block.log.name, []).append(stretch)
+        return [WithoutStretches(s, tuple(stretches[s.name])) if s.name in stretches else s for s in sources]
 
 
 def find_touches(panel: Panel, residuals: FloatArray, named: FloatArray) -> Touches:

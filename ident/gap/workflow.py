@@ -42,6 +42,9 @@ Progress = Callable[[str, float], None]
 SURE = 1e-6
 """Least p-value that is stated."""
 
+ROUNDS = 3
+"""Times at most that contact is cut out: links that were fitted to some of it hide the rest."""
+
 DEPENDENT = {"links", "total"}
 """What effects need of a model that is fitted again with them before they are judged."""
 
@@ -105,21 +108,28 @@ class _Workflow:
             logged = replace(self.model, positions_only=False)
             self.start = self.fitted(logged, []) if self.refit else logged
             self.model = replace(self.model, positions_only=True)
-        if self.refit:
-            self.model = self.fitted(self.model, [])
+        self.look()
         if self.lag is None:
             self.start = self.model
+        contacts: list[Touches] = []
+        while True:
+            causes = self.name(~self.unsure())
+            found = self.touches(causes.gaps, causes.named) if len(contacts) < ROUNDS else None
+            if found is None:
+                return self.report(causes, contacts)
+            contacts.append(found)
+            self.train = found.cut(self.panel, self.train)
+            self.look()
+
+    def look(self) -> None:
+        """Steps 1 and 2: the model, fitted again unless it is held fixed, and the rows that it is held against."""
+        if self.refit:
+            self.model = self.fitted(self.model, [])
         self.panel = panel_of(self.model, self.train)
         if len(self.panel) < 200:
             raise InputError("too few rows", ", ".join(s.name for s in self.train), "give longer logs")
         self.survey = survey_of(self.model, self.panel)
-        keep = ~self.unsure()
-        causes = self.name(keep)
-        touches = self.touches(causes.gaps, causes.named)
-        if touches.episodes:
-            keep &= ~touches.rows[:, None]
-            causes = self.name(keep)
-        return self.report(causes, touches)
+        self.gaps = [self.gap(self.panel, j) for j in range(self.model.n)]
 
     def unsure(self) -> BoolArray:
         """Rows (N, n) whose sign of velocity is noise."""
@@ -238,11 +248,6 @@ class _Workflow:
         )
         return found
 
-    @cached_property
-    def gaps(self) -> list[JointGap]:
-        """Every joint's rows, all of them and before anything is named."""
-        return [self.gap(self.panel, j) for j in range(self.model.n)]
-
     def gap(self, panel: Panel, joint: int) -> JointGap:
         """The joint's rows: the model's columns if it is refitted, else what it leaves."""
         keep = np.ones(len(panel), dtype=bool)
@@ -267,7 +272,8 @@ class _Workflow:
         ]
         return np.concatenate(parts)
 
-    def touches(self, gaps: Sequence[JointGap], named: Sequence[Sequence[Named]]) -> Touches:
+    def touches(self, gaps: Sequence[JointGap], named: Sequence[Sequence[Named]]) -> Touches | None:
+        """Contact in what names leave, if there is any."""
         residuals, explained = (np.zeros((len(self.panel), self.model.n)) for _ in range(2))
         for gap, names in zip(gaps, named, strict=True):
             problem = gap.problem(self.panel, [n.trial for n in names])
@@ -281,10 +287,9 @@ class _Workflow:
             everything = np.arange(len(self.panel))
             if explainable(self.panel, self.survey, j, residuals[:, j], everything).share < WORTH_SAYING:
                 real.append(j)
-        none = Touches(np.zeros(len(self.panel), dtype=bool), (), 0.0, 0)
-        return replace(found, joints=tuple(real)) if real else none
+        return replace(found, joints=tuple(real)) if real else None
 
-    def report(self, causes: _Causes, touches: Touches) -> GapReport:
+    def report(self, causes: _Causes, contacts: Sequence[Touches]) -> GapReport:
         self.tell("settling names", 0.0)
         findings = [self.whole_finding(w) for w in causes.wholes]
         nameless: list[Unexplained] = []
@@ -296,9 +301,8 @@ class _Workflow:
             before[plain.keep, gap.joint], after[full.keep, gap.joint] = plain.residual, full.residual
             findings += [self.joint_finding(gap, names, one, plain.errors().total) for one in names]
             nameless += unexplained(self.panel, self.survey, gap, names, doubted)
-        if touches.episodes:
-            figures: dict[str, float | list[float]] = {"seconds": touches.seconds, "episodes": float(touches.episodes)}
-            findings.append(Finding("contact", "contact", touches.joints, figures, SURE, (), None, (), 0.0))
+        if contacts:
+            findings.append(contact_finding(contacts))
         findings.sort(key=lambda f: -f.explained)
         self.tell("settling names", 0.6)
         missing = untestable(self.panel, self.survey, causes.gaps, problems)
@@ -306,14 +310,15 @@ class _Workflow:
         models = [self.fitted(self.model, list(chain(*terms[: k + 1]))) for k in range(len(terms))]
         if self.lag is not None:
             models.insert(0, self.model)
-            figure: dict[str, float | list[float]] = {"seconds": self.lag.seconds}
-            findings.insert(0, Finding("delay", "timing", (), figure, SURE, (), None, (), np.inf))
+            findings.insert(
+                0, Finding("delay", "timing", (), {"seconds": self.lag.seconds}, SURE, (), None, (), np.inf)
+            )
         shown = evidence([self.start, *models], self.test) if self.test else None
         model = models[-1] if models else self.model
         maps = [gap_map(self.panel, self.survey, r) for r in (before, after)]
         self.tell("settling names", 1.0)
         return GapReport(
-            self.start, model, tuple(findings), tuple(nameless), tuple(missing), touches, maps[0], maps[1],
+            self.start, model, tuple(findings), tuple(nameless), tuple(missing), maps[0], maps[1],
             self.panel, self.survey, (before, after), causes.p_values, shown,
         )  # fmt: skip
 
@@ -375,3 +380,12 @@ class _Workflow:
         views = [model.view(source) for source in self.train]
         found = fit(model.robot, effects, views, model.cutoff, drives, shapes=shapes).model
         return replace(found, positions_only=model.positions_only)
+
+
+def contact_finding(contacts: Sequence[Touches]) -> Finding:
+    """What was cut out of the logs as contact."""
+    joints = tuple(sorted({j for one in contacts for j in one.joints}))
+    seconds, episodes = sum(one.seconds for one in contacts), float(sum(one.episodes for one in contacts))
+    return Finding(
+        "contact", "contact", joints, {"seconds": seconds, "episodes": episodes}, SURE, (), None, (), 0.0
+    )  # fmt: skip

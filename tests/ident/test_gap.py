@@ -297,6 +297,21 @@ def test_shapes_are_searched_on_either_side_of_a_negative_start():
         assert found == pytest.approx(best, abs=0.01)
 
 
+def test_contact_is_cut_out_also_where_links_had_bent_to_it(arm):
+    def pushes(t, q, dq):
+        sizes = {8.0: 30.0, 20.0: 3.0, 31.0: 14.0, 42.0: 3.0, 51.0: -24.0}
+        return sum(size * np.exp(-0.5 * ((t - at) / 0.3) ** 2) for at, size in sizes.items())
+
+    train, clean = logs(arm, 1, hidden=pushes), [record(arm, 9)]
+    found = find_gap(baseline_model(arm, train), train, clean)
+    (one,) = found.findings
+    assert (one.effect, one.joints) == ("contact", (1,))
+    assert one.parameters["episodes"] == 15.0
+    assert one.parameters["seconds"] == pytest.approx(15.0, rel=0.5)
+    assert found.evidence.before[1] > 2.0 * NOISE
+    np.testing.assert_allclose(found.evidence.after, NOISE, rtol=0.1)
+
+
 def test_lagging_velocities_are_named_and_left_out(arm):
     train = []
     for seed in (1, 2):
