@@ -52,6 +52,9 @@ WORDS = {
 UNITS = {"mass": "kg", "seconds": "s", "hertz": "Hz", "roll": "rad", "pitch": "rad", "gap": "rad", "slip": "rad"}
 POINTS = 4000
 
+HARDLY = 0.005
+"""Share by which the gap must change for it to be said to fall or to grow."""
+
 
 def sentence(found: GapReport, finding: Finding) -> str:
     """Say a finding in one sentence, with its main figures and the gap before and after on the test logs."""
@@ -69,7 +72,8 @@ def sentence(found: GapReport, finding: Finding) -> str:
         before, after = found.evidence.steps[number], found.evidence.steps[number + 1]
         joint = finding.joints[0] if finding.joints else int(np.argmax(1.0 - after / before))
         unit = found.model.unit
-        change = "falls" if after[joint] < before[joint] else "does not fall: it goes"
+        less = 1.0 - after[joint] / before[joint]
+        change = "falls" if less > HARDLY else "hardly changes," if less > -HARDLY else "does not fall: it goes"
         text += f"; the gap on test logs {change} from {before[joint]:.3g} to {after[joint]:.3g} {unit}"
         text += f"{'' if finding.joints else f' on joint {joint + 1}'}, noise floor {found.noise_floor[joint]:.3g}"
     text += "."

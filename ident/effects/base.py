@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from abc import ABC, abstractmethod
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -40,6 +41,14 @@ class Shape:
     starts: tuple[float, ...]
     log: bool = True
     ends: tuple[bool, bool] = (True, True)
+
+    def place(self, value: float) -> float:
+        """Where a value is on the scale on which it is searched."""
+        return math.log(value) if self.log else value
+
+    def value(self, place: float) -> float:
+        """The value at a place of that scale."""
+        return math.exp(place) if self.log else place
 
 
 @dataclass(frozen=True)

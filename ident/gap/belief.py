@@ -19,15 +19,15 @@ from ident.gap.spectrum import spectral_line
 from ident.gap.touch import row_step
 from ident.gap.wander import wandering
 
-ENOUGH, CERTAIN = 5.0, 8.0
+ENOUGH, CERTAIN, SPOTLESS = 5.0, 8.0, 50.0
 """Names of a joint must explain this many times what could still be explained after them; else none is given.
 
-Between the two their coefficients must be the more constant all over the logs. Of what follows the clock alone, which
-no motion repeats, they must explain the greater.
+The less is left, the less constant their coefficients need be. Of what follows the clock alone, which no motion
+repeats, they must explain the second.
 """
 
-CONSTANT, STEADY = 0.03, 0.025
-"""Share of what names explain that varying their coefficients may add; the second where they explain less."""
+CONSTANT = (0.025, 0.03, 0.05)
+"""Share of what names explain that varying their coefficients may add, where they explain that many times the rest."""
 
 SLOW_ROWS = 0.1
 """Share of rows that are no fast motion without which no line is looked for in them alone."""
@@ -61,7 +61,7 @@ def _allowed(panel: Panel, survey: Survey, gap: JointGap, named: list[Named]) ->
     rest = max(left, _remembered(panel, after)) * squares
     if explained < CERTAIN * _wandering(panel, after) * squares or explained < ENOUGH * rest:
         return None
-    return CONSTANT if explained >= CERTAIN * rest else STEADY
+    return CONSTANT[sum(explained >= times * rest for times in (CERTAIN, SPOTLESS))]
 
 
 def unexplained(

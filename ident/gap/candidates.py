@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -11,6 +11,7 @@ import numpy as np
 from ident.arrays import BoolArray, FloatArray
 from ident.effects import load_catalogue
 from ident.effects.base import Effect, Shape, Survey
+from ident.gap.climb import climb
 from ident.gap.gate import Gate
 from ident.gap.panel import Panel
 from ident.gap.problem import Errors, JointProblem
@@ -20,8 +21,6 @@ SEARCHED = 5
 
 BOUND = 0.01
 """Share of a shape parameter's range next to a bound that counts as the bound."""
-
-GOLDEN = 0.381966
 
 TOGETHER = 32
 """Starting shapes that are looked at in one matrix product."""
@@ -131,26 +130,6 @@ def refine(panel: Panel, problem: JointProblem, trial: Trial, joint: int) -> Tri
     return replace(trial, shape=shape, drop=best)
 
 
-def climb(
-    value: Callable[[FloatArray], float], shapes: Sequence[Shape], start: FloatArray, at_start: float
-) -> tuple[FloatArray, float]:
-    """Search shapes (k,) for the largest value around a start, one parameter after the other; return both."""
-    shape, best = start.copy(), at_start
-
-    def along(number: int, x: float) -> float:
-        moved = shape.copy()
-        moved[number] = np.exp(x) if shapes[number].log else x
-        return value(moved)
-
-    for _ in range(1 if len(shapes) < 2 else 3):
-        for number, parameter in enumerate(shapes):
-            low, high = _bracket(parameter, shape[number])
-            x, found = _golden(lambda x, number=number: along(number, x), low, high)  # type: ignore[misc]
-            if found > best:
-                shape[number], best = (np.exp(x) if parameter.log else x), found
-    return shape, best
-
-
 def best_start(panel: Panel, problem: JointProblem, effect: Effect, joint: int) -> Trial:
     """An effect at that of its starting shapes that suits a problem's rows best."""
     best: Trial | None = None
@@ -191,36 +170,7 @@ def _held_out(trial: Trial) -> float:
 
 
 def _at_bound(parameter: Shape, value: float) -> bool:
-    low, high = (
-        (np.log(parameter.lower), np.log(parameter.upper)) if parameter.log else (parameter.lower, parameter.upper)
-    )
-    place = ((np.log(value) if parameter.log else value) - low) / (high - low)
+    low, high = parameter.place(parameter.lower), parameter.place(parameter.upper)
+    place = (parameter.place(value) - low) / (high - low)
     at_lower, at_upper = place <= BOUND, place >= 1.0 - BOUND
     return bool((at_lower and parameter.ends[0]) or (at_upper and parameter.ends[1]))
-
-
-def _bracket(parameter: Shape, value: float) -> tuple[float, float]:
-    """Search range around a start: to the neighbouring starts, or the bounds."""
-    starts = np.array(sorted({parameter.lower, *parameter.starts, parameter.upper}))
-    others = starts[~np.isclose(starts, value, rtol=1e-9, atol=1e-12)]
-    below, above = others[others < value], others[others > value]
-    low = below[-1] if len(below) else parameter.lower
-    high = above[0] if len(above) else parameter.upper
-    return (float(np.log(low)), float(np.log(high))) if parameter.log else (float(low), float(high))
-
-
-def _golden(value: Callable[[float], float], low: float, high: float, steps: int = 12) -> tuple[float, float]:
-    """Golden-section search for a maximum."""
-    a, b = low, high
-    x, y = a + GOLDEN * (b - a), b - GOLDEN * (b - a)
-    fx, fy = value(x), value(y)
-    for _ in range(steps):
-        if fx > fy:
-            b, y, fy = y, x, fx
-            x = a + GOLDEN * (b - a)
-            fx = value(x)
-        else:
-            a, x, fx = x, y, fy
-            y = b - GOLDEN * (b - a)
-            fy = value(y)
-    return (x, fx) if fx > fy else (y, fy)

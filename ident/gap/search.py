@@ -9,8 +9,9 @@ from functools import cached_property
 import numpy as np
 from scipy.optimize import lsq_linear
 
-from ident.arrays import BoolArray, FloatArray
+from ident.arrays import FloatArray
 from ident.effects.base import Effect, Survey
+from ident.gap.agreement import Predicted, agrees, agrees_at_any_pace
 from ident.gap.candidates import Trial, admissible, best_trials, forms
 from ident.gap.gate import MOVING, Gate
 from ident.gap.joint_gap import JointGap, Named, classes_of, gate_of, nested_errors
@@ -38,10 +39,6 @@ OWN, BEYOND = 0.03, 1.5
 
 PLAIN = 0.85
 """Share of what an effect explains that one of its limits must, to be named first."""
-
-AGREES, SLACK, HARM = 0.7, 0.05, 0.02
-"""How much of the force that an effect predicts must be there, at rest and in motion; shares of the squared residual
-that may be lacking of that, and that it may at most add."""
 
 FEW, RESTS = 0.02, 0.1
 """Share of rows without which motion, and rest, are not asked: a log whose joint stands for less is one of
@@ -98,6 +95,9 @@ class Beside:
         groups = [rows for rows, share in ((moving, FEW), (~moving, RESTS)) if rows.mean() > share]
         everywhere = bool(np.all(trial.errors.held_out < self.before.held_out))
         everywhere = everywhere and agrees(self.problem, columns, groups)
+        if trial.effect.family == "timing":
+            force = columns @ self.problem.fit(columns)[self.problem.matrix.shape[1] :]
+            everywhere = everywhere and agrees_at_any_pace([Predicted.of(panel, self.problem, self.joint, force)])
         return everywhere and self._shrinks(panel, trial) and self._repeats(panel, trial)
 
     def columns(self, panel: Panel, trial: Trial) -> FloatArray:
@@ -195,27 +195,6 @@ def search(panel: Panel, survey: Survey, gap: JointGap, named: Sequence[Named] =
     gate = gate_of(panel, place.problem, gap.joint)
     trials = best_trials(panel, gate, effects, gap.joint)
     return Search(gap, place.named, place.problem, place.before, gate, tuple(sorted(trials, key=penalised)))
-
-
-def agrees(problem: JointProblem, columns: FloatArray, groups: Sequence[BoolArray]) -> bool:
-    """Whether what an effect predicts for rows held out is there in every group of rows: rests are few, however long.
-
-    The slope of the residual r on the predicted force d is (r d) / d^2; one that fits the rests alone has none in
-    motion. With r - d what is left, the squared residual falls by (2 slope - 1) d^2.
-
-    Args:
-        problem: the regression that the effect would be added to.
-        columns: the effect's (N, k).
-        groups: rows (N,) of each group.
-    """
-    before, after = problem.held_out(columns[:, :0]), problem.held_out(columns)
-    for rows in groups:
-        square, left = float(np.sum(before[rows] ** 2)), float(np.sum(after[rows] ** 2))
-        predicted = float(np.sum((before[rows] - after[rows]) ** 2))
-        least = max((2.0 * AGREES - 1.0) * predicted - SLACK * square, -HARM * square)
-        if square - left < least:
-            return False
-    return True
 
 
 def law_error(effect: Effect, named: Sequence[Named]) -> float:

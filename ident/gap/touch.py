@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.ndimage import binary_dilation, label, uniform_filter1d
+from scipy.ndimage import binary_dilation, find_objects, label, uniform_filter1d
 
-from ident.arrays import BoolArray, FloatArray
+from ident.arrays import BoolArray, FloatArray, IntArray
+from ident.effects.base import Survey
 from ident.gap.gate import MOVING, speed_classes
 from ident.gap.panel import Panel
 from ident.log import LogSource, WithoutStretches
@@ -22,6 +23,10 @@ HEIGHT = 8.0
 
 BEYOND_NAMES = 2.0
 """And by this many times the RMS of what is named on the joint, whose law may be as wrong in places."""
+
+STILL = 3.0
+"""A joint slower than this many times the speed over which its sign of velocity turns may stand: its dry friction then
+takes up whatever is smaller than itself, and that is no touch unless another joint shows it."""
 
 RAREST = 0.25
 """Touches fill at most this share of the time, and half of the motion; what is there more often is no touch."""
@@ -55,7 +60,7 @@ class Touches:
         return [WithoutStretches(s, tuple(stretches[s.name])) if s.name in stretches else s for s in sources]
 
 
-def find_touches(panel: Panel, residuals: FloatArray, named: FloatArray) -> Touches:
+def find_touches(panel: Panel, survey: Survey, residuals: FloatArray, named: FloatArray) -> Touches:
     """Find contact in the residuals (N, n) that are left when all that could be named, (N, n), is taken away."""
     step = row_step(panel)
     touched = np.zeros(residuals.shape, dtype=bool)
@@ -66,15 +71,17 @@ def find_touches(panel: Panel, residuals: FloatArray, named: FloatArray) -> Touc
             averaged[a:b] = uniform_filter1d(residuals[a:b], max(1, round(SMOOTH / step)), axis=0, mode="nearest")
     usual = 1.4826 * np.stack([_usual(panel, averaged[:, j], j) for j in range(averaged.shape[1])], axis=1)
     least = np.maximum(HEIGHT * usual, BEYOND_NAMES * np.sqrt(np.mean(named**2, axis=0)))
+    still = np.abs(panel.velocity) < STILL * survey.smoothing
+    held = survey.friction * (1.0 - survey.viscous)
     high = np.abs(averaged) > np.maximum(least, 1e-300)
+    sure = np.abs(averaged) > least + still * held
+    bursts = np.zeros_like(high)
     shortest = max(2, round(SHORTEST / step))
-    for j in range(residuals.shape[1]):
-        for a, b in itertools.pairwise(edges.tolist()):
-            pieces, count = label(high[a:b, j])
-            for k in range(1, count + 1):
-                burst = np.flatnonzero(pieces == k)
-                if len(burst) >= shortest:
-                    touched[a + burst, j] = True
+    for j, a, b in _pieces(high, edges):
+        bursts[a:b, j] = b - a >= shortest
+    for j, a, b in _pieces(bursts, edges):
+        others = np.delete(bursts[a:b], j, axis=1).any(axis=1)
+        touched[a:b, j] = (sure[a:b, j] | others).mean() > 0.5
     share = touched.mean(axis=0)
     touched[:, share > RAREST] = False
     any_joint = touched.any(axis=1)
@@ -82,6 +89,14 @@ def find_touches(panel: Panel, residuals: FloatArray, named: FloatArray) -> Touc
     _, episodes = label(rows)
     joints = tuple(int(j) for j in np.flatnonzero(touched.any(axis=0)))
     return Touches(np.asarray(rows, dtype=bool), joints, float(any_joint.sum() * step), int(episodes))
+
+
+def _pieces(marked: BoolArray, edges: IntArray) -> Iterator[tuple[int, int, int]]:
+    """Yield the joint, the first row and the end of every stretch of marked rows (N, n) between edges."""
+    for j in range(marked.shape[1]):
+        for first, end in itertools.pairwise(edges.tolist()):
+            for (rows,) in find_objects(label(marked[first:end, j])[0]):
+                yield j, first + rows.start, first + rows.stop
 
 
 def _usual(panel: Panel, averaged: FloatArray, joint: int) -> FloatArray:

@@ -10,8 +10,10 @@ import numpy as np
 from ident.arrays import BoolArray, FloatArray
 from ident.effects.base import Effect, Survey
 from ident.gap.abstain import explainable
+from ident.gap.agreement import Predicted, agrees_at_any_pace
 from ident.gap.belief import CERTAIN
-from ident.gap.candidates import at_bound, climb, forms, grid
+from ident.gap.candidates import at_bound, forms, grid
+from ident.gap.climb import climb
 from ident.gap.panel import Panel
 from ident.gap.problem import JointProblem, gain
 from ident.gap.search import GAIN, LEVEL, RIVAL_LAW, Search
@@ -102,12 +104,17 @@ def whole_effect(
             shown = _rivals(likelihoods, single, affected)
         if shown and (alone or last):
             shown = all(_exhausts(panel, survey, problems[j], best, j) for j in helped.tolist())
-        if not shown:
+        if not shown or not _at_any_pace(panel, problems, best):
             continue
         p_value = _p_value(panel, best, searches)
         if p_value <= LEVEL:
             return replace(best, p_value=p_value, alternatives=_alternatives(best, ranking))
     return None
+
+
+def _at_any_pace(panel: Panel, problems: Sequence[JointProblem], whole: Whole) -> bool:
+    forces = [columns_of(panel, whole, j)[p.keep] for j, p in enumerate(problems)]
+    return agrees_at_any_pace([Predicted.of(panel, p, j, forces[j]) for j, p in enumerate(problems)])
 
 
 def _rivals(likelihoods: FloatArray, single: FloatArray, affected: BoolArray) -> bool:

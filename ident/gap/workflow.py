@@ -280,14 +280,14 @@ class _Workflow:
             residuals[problem.keep, gap.joint] = problem.residual
             if names:
                 explained[problem.keep, gap.joint] = gap.problem(self.panel).residual - problem.residual
-        found = find_touches(self.panel, residuals, explained)
-        real = []
+        found = find_touches(self.panel, self.survey, residuals, explained)
         for j in found.joints:
             # A burst that the motion predicts is an effect that was not named, and no touch.
             everything = np.arange(len(self.panel))
-            if explainable(self.panel, self.survey, j, residuals[:, j], everything).share < WORTH_SAYING:
-                real.append(j)
-        return replace(found, joints=tuple(real)) if real else None
+            if explainable(self.panel, self.survey, j, residuals[:, j], everything).share >= WORTH_SAYING:
+                residuals[:, j] = 0.0
+        real = find_touches(self.panel, self.survey, residuals, explained)
+        return real if real.episodes else None
 
     def report(self, causes: _Causes, contacts: Sequence[Touches]) -> GapReport:
         self.tell("settling names", 0.0)
@@ -302,7 +302,7 @@ class _Workflow:
             findings += [self.joint_finding(gap, names, one, plain.errors().total) for one in names]
             nameless += unexplained(self.panel, self.survey, gap, names, doubted)
         if contacts:
-            findings.append(contact_finding(contacts))
+            findings.append(_contact(contacts))
         findings.sort(key=lambda f: -f.explained)
         self.tell("settling names", 0.6)
         missing = untestable(self.panel, self.survey, causes.gaps, problems)
@@ -382,7 +382,7 @@ class _Workflow:
         return replace(found, positions_only=model.positions_only)
 
 
-def contact_finding(contacts: Sequence[Touches]) -> Finding:
+def _contact(contacts: Sequence[Touches]) -> Finding:
     """What was cut out of the logs as contact."""
     joints = tuple(sorted({j for one in contacts for j in one.joints}))
     seconds, episodes = sum(one.seconds for one in contacts), float(sum(one.episodes for one in contacts))

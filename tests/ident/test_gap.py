@@ -1,6 +1,7 @@
 """The gap workflow on a two-link arm: names what is hidden, keeps silent where nothing or something foreign is."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -13,7 +14,8 @@ from ident.effects.friction import Coulomb
 from ident.fit import Drives, fit
 from ident.gap import baseline, baseline_model, belief, find_gap
 from ident.gap.baseline import EFFECTS
-from ident.gap.candidates import Trial, climb, kind_of
+from ident.gap.candidates import Trial, kind_of
+from ident.gap.climb import climb
 from ident.gap.edge import edge_columns, with_less_edge
 from ident.gap.experiment import Joined, Question, separating, with_motion
 from ident.gap.gate import Gate
@@ -170,6 +172,18 @@ def test_small_errors_of_a_models_own_friction_are_tolerated(change, share):
     gate = Gate(problem, np.array([0]), np.ones(2000))
     found = Search(gap, (), problem, problem.errors(), gate, ())
     assert found.tolerated == pytest.approx(share * float(gap.target @ gap.target), rel=1e-3)
+
+
+def test_shapes_that_are_bound_to_one_another_are_searched_together():
+    shapes = [Shape("lever", "1", 0.1, 0.98, (0.5, 0.75), log=False), Shape("speed", "1", 1e-3, 1.0, (0.1,))]
+
+    def valley(shape):
+        lever, speed = shape[0] - 0.3, np.log(shape[1] / 0.02)
+        return 10.0 - 1e3 * (speed + 8.0 * lever) ** 2 - lever**2
+
+    found, value = climb(valley, shapes, np.array([0.5, 0.1]), valley(np.array([0.5, 0.1])))
+    assert value == valley(found)
+    np.testing.assert_allclose(found, [0.3, 0.02], rtol=0.05)
 
 
 def test_what_the_catalogue_does_not_have_is_not_named(arm):
@@ -368,15 +382,21 @@ def test_the_next_experiment_is_the_motion_on_which_two_names_differ(arm):
 def test_a_burst_is_held_against_what_is_usual_in_motion(arm, monkeypatch):
     log, rng = record(arm, 1), np.random.default_rng(0)
     panel = panel_of(baseline_model(arm, [log]), [log])
+    survey = SimpleNamespace(smoothing=np.full(2, 2e-3), friction=np.array([1.0, 0.3]), viscous=np.array([0.5, 0.0]))
     move, place = np.divmod(np.arange(len(panel)), 500)
     moving = place < 100
     monkeypatch.setattr(Panel, "velocity", np.where(moving, 0.5, 0.0)[:, None] * np.ones(2))
     nothing = np.zeros((len(panel), 2))
     residuals = 0.01 * rng.standard_normal((len(panel), 2))
     residuals[:, 1] += moving * 0.1 * rng.choice([-1.0, 1.0], 50)[move]
-    assert find_touches(panel, residuals, nothing).episodes == 0
-    residuals[2200:2250, 1] += 0.1
-    assert find_touches(panel, residuals, nothing).episodes == 1
-    residuals[2200:2250, 1] -= 0.1
+    assert find_touches(panel, survey, residuals, nothing).episodes == 0
+    # A joint that stands holds .3 by friction alone, unless the other shows it.
+    residuals[2200:2250, 1] += 0.25
+    assert find_touches(panel, survey, residuals, nothing).episodes == 0
+    felt = residuals + np.where((move == 4) & (place >= 200) & (place < 250), 0.25, 0.0)[:, None] * np.array([1.0, 0.0])
+    assert find_touches(panel, survey, felt, nothing).joints == (0, 1)
+    residuals[2200:2250, 1] += 0.25
+    assert find_touches(panel, survey, residuals, nothing).episodes == 1
+    residuals[2200:2250, 1] -= 0.5
     residuals[2510:2560, 1] += 1.2
-    assert find_touches(panel, residuals, nothing).episodes == 1
+    assert find_touches(panel, survey, residuals, nothing).episodes == 1

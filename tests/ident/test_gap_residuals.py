@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
+from ident.gap.agreement import Predicted, agrees, agrees_at_any_pace
 from ident.gap.gate import Gate, surrogates
 from ident.gap.memory import remembered
 from ident.gap.problem import JointProblem
-from ident.gap.search import agrees
 from ident.gap.spectrum import spectral_line
 from ident.gap.wander import wandering
 
@@ -20,6 +20,23 @@ def test_what_fits_the_rests_alone_does_not_agree():
     problem = JointProblem(np.zeros((4000, 0)), force * ~moving + noise, np.arange(4000) // 1000, np.ones(4000, bool))
     assert not agrees(problem, force[:, None], (moving, ~moving))
     assert agrees(problem, (force * ~moving)[:, None], (moving, ~moving))
+
+
+def test_what_is_late_at_rest_alone_is_no_delay():
+    rng = np.random.default_rng(5)
+    pace = np.repeat([0, 1, 2, 3], 1000)
+    force, noise = rng.standard_normal((2, 4000))
+
+    def there(*shares, size=1.0):
+        return Predicted(size * force, size * np.array(shares)[pace] * force + noise, pace)
+
+    assert agrees_at_any_pace([there(1.0, 1.0, 1.0, 1.0)])
+    assert agrees_at_any_pace([there(1.5, 1.2, 0.9, 1.1)])
+    assert not agrees_at_any_pace([there(2.0, 1.0, 0.1, 0.1)])
+    assert not agrees_at_any_pace([there(1.2, 1.2, 1.0, 0.3)])
+    # Where the rows do not tell, or a second joint shows it, it stands.
+    assert agrees_at_any_pace([there(2.0, 1.0, 0.1, 0.1, size=0.02)])
+    assert agrees_at_any_pace([there(1.0, 1.0, 0.3, 0.3, size=0.3), there(1.0, 1.0, 1.0, 1.0, size=2.0)])
 
 
 def test_the_gate_calls_one_in_a_hundred_of_coloured_noises_significant():
