@@ -20,14 +20,12 @@ from ident.gap.touch import row_step
 from ident.gap.wander import wandering
 
 ENOUGH, CERTAIN, SPOTLESS = 5.0, 8.0, 50.0
-"""Names of a joint must explain this many times what could still be explained after them; else none is given.
-
-The less is left, the less constant their coefficients need be. Of what follows the clock alone, which no motion
-repeats, they must explain the second.
-"""
+"""Names of a joint must explain this many times what could still be explained after them; else none is given. Of what
+follows the clock alone, which no motion repeats, they must explain the second."""
 
 CONSTANT = (0.025, 0.03, 0.05)
-"""Share of what names explain that varying their coefficients may add, where they explain that many times the rest."""
+"""Share of what names explain that varying their coefficients may add, where they explain that many times the rest and,
+between, by the logarithm of that: the less is left, the less constant they need be."""
 
 SLOW_ROWS = 0.1
 """Share of rows that are no fast motion without which no line is looked for in them alone."""
@@ -61,7 +59,8 @@ def _allowed(panel: Panel, survey: Survey, gap: JointGap, named: list[Named]) ->
     rest = max(left, _remembered(panel, after)) * squares
     if explained < CERTAIN * _wandering(panel, after) * squares or explained < ENOUGH * rest:
         return None
-    return CONSTANT[sum(explained >= times * rest for times in (CERTAIN, SPOTLESS))]
+    times = explained / max(rest, 1e-300)
+    return float(np.interp(np.log(times), np.log((ENOUGH, CERTAIN, SPOTLESS)), CONSTANT))
 
 
 def unexplained(
