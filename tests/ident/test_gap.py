@@ -11,10 +11,11 @@ from scipy.signal import lfilter
 from ident.effects import load_catalogue
 from ident.effects.base import Shape
 from ident.effects.friction import Coulomb
+from ident.effects.transmission import GearRipple
 from ident.fit import Drives, fit
 from ident.gap import baseline, baseline_model, belief, find_gap
 from ident.gap.baseline import EFFECTS
-from ident.gap.candidates import Trial, kind_of
+from ident.gap.candidates import Trial, at_bound, kind_of
 from ident.gap.climb import climb
 from ident.gap.edge import edge_columns, with_less_edge
 from ident.gap.experiment import Joined, Question, separating, with_motion
@@ -172,6 +173,12 @@ def test_small_errors_of_a_models_own_friction_are_tolerated(change, share):
     gate = Gate(problem, np.array([0]), np.ones(2000))
     found = Search(gap, (), problem, problem.errors(), gate, ())
     assert found.tolerated == pytest.approx(share * float(gap.target @ gap.target), rel=1e-3)
+
+
+@pytest.mark.parametrize(("value", "bound"), [(4.0, True), (4.03, True), (5.96, False), (248.0, True), (100.0, False)])
+def test_few_repeats_of_hundreds_are_at_no_bound(value, bound):
+    ripple = GearRipple(0, most=250.0, fewest=4.0)
+    assert at_bound(ripple, np.array([value])) is bound
 
 
 def test_shapes_that_are_bound_to_one_another_are_searched_together():
