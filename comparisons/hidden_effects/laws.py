@@ -40,8 +40,11 @@ Law = Callable[[Scene, int, float, np.random.Generator], tuple[FloatArray, dict[
 The random generator is seeded alike for every log of a case, so that figures drawn from it are the same in all.
 """
 
+LARGE = 8.0
+"""A joint's larger torques, over its dry friction."""
+
 WINDS = 0.1
-"""Angle [rad] that a gear winds up by under a joint's larger torques, at most."""
+"""Angle [rad] that a gear winds up by under them, at most."""
 
 LAWS: dict[str, Law] = {}
 FOREIGN: dict[str, Law] = {}
@@ -190,7 +193,7 @@ def _(s: Scene, j: int, a: float, rng: np.random.Generator) -> tuple[FloatArray,
 
 @law("elasticity")
 def _(s: Scene, j: int, a: float, rng: np.random.Generator) -> tuple[FloatArray, dict[str, float]]:
-    load, compliance = s.torque[:, j], min(1e-4 * a, WINDS / (8.0 * s.coulomb[j]))
+    load, compliance = s.torque[:, j], min(1e-4 * a, WINDS / (LARGE * s.coulomb[j]))
     wind = np.zeros_like(s.q)
     wind[:, j] = compliance * load
     speed, bend = np.gradient(wind, s.t, axis=0), np.gradient(np.gradient(wind, s.t, axis=0), s.t, axis=0)
@@ -216,7 +219,7 @@ def _(s: Scene, j: int, a: float, rng: np.random.Generator) -> tuple[FloatArray,
 @law("torque-saturation")
 def _(s: Scene, j: int, a: float, rng: np.random.Generator) -> tuple[FloatArray, dict[str, float]]:
     # The iron is the same in all logs: it saturates at a torque of the joint's, not of what a log happens to reach.
-    known, knee = s.known[:, j], 8.0 * s.coulomb[j]
+    known, knee = s.known[:, j], LARGE * s.coulomb[j]
     square = (known / knee) ** 2
     missing = 2.0 * a * square / (1.0 + square)
     return on(s, j, known * missing), {"share": float(missing.max() / (1.0 + missing.max()))}

@@ -66,11 +66,11 @@ def agrees_at_any_pace(joints: Sequence[Predicted]) -> bool:
     A time or a mass is the same at any speed. Friction that creeps as a joint turns round looks late as well, but in
     motion its current is on time.
     """
+    noise = [correlation_time(left) * float(np.mean(left**2)) for left in (one.residual - one.force for one in joints)]
     for pace in (MOVING, FAST):
         product = square = 0.0
-        for one in joints:
-            left, rows = one.residual - one.force, one.pace == pace
-            weight = 1.0 / max(correlation_time(left) * float(np.mean(left**2)), 1e-300)
+        for one, size in zip(joints, noise, strict=True):
+            weight, rows = 1.0 / max(size, 1e-300), one.pace == pace
             product += weight * float(one.residual[rows] @ one.force[rows])
             square += weight * float(one.force[rows] @ one.force[rows])
         if product < AGREES * square - 2.0 * np.sqrt(square):

@@ -52,7 +52,7 @@ def _together(
         return np.array([s.value(v) for s, v in zip(shapes, x.tolist(), strict=True)])
 
     lower, upper = np.array([[s.place(s.lower), s.place(s.upper)] for s in shapes]).T
-    first = np.array([s.place(v) for s, v in zip(shapes, shape.tolist(), strict=True)])
+    first = np.clip([s.place(v) for s, v in zip(shapes, shape.tolist(), strict=True)], lower, upper)
     edge = EDGE * (upper - lower)
     corners = first + np.diag(np.where(first + edge > upper, -edge, edge))
     found = minimize(

@@ -94,15 +94,19 @@ class Beside:
         moving = classes_of(panel, self.problem, self.joint) >= MOVING
         groups = [rows for rows, share in ((moving, FEW), (~moving, RESTS)) if rows.mean() > share]
         everywhere = bool(np.all(trial.errors.held_out < self.before.held_out))
-        everywhere = everywhere and agrees(self.problem, columns, groups)
-        if trial.effect.family == "timing":
-            force = columns @ self.problem.fit(columns)[self.problem.matrix.shape[1] :]
-            everywhere = everywhere and agrees_at_any_pace([Predicted.of(panel, self.problem, self.joint, force)])
+        everywhere = everywhere and agrees(self.problem, columns, groups) and self._is_on_time(panel, trial, columns)
         return everywhere and self._shrinks(panel, trial) and self._repeats(panel, trial)
 
     def columns(self, panel: Panel, trial: Trial) -> FloatArray:
         """Columns (N, k) of a candidate in the rows that count."""
         return admissible(panel, self.problem, trial.effect, trial.shape, self.joint)
+
+    def _is_on_time(self, panel: Panel, trial: Trial, columns: FloatArray) -> bool:
+        """Whether what a delay or a filter predicts is there at any pace; of other laws that is not asked."""
+        if trial.effect.family != "timing":
+            return True
+        force = columns @ self.problem.fit(columns)[self.problem.matrix.shape[1] :]
+        return agrees_at_any_pace([Predicted.of(panel, self.problem, self.joint, force)])
 
     def _shrinks(self, panel: Panel, trial: Trial) -> bool:
         """Whether the model as it will be delivered, without nuisance, gains by the effect as well."""

@@ -51,12 +51,11 @@ class Touches:
     def cut(self, panel: Panel, sources: Sequence[LogSource]) -> list[LogSource]:
         """The logs without the episodes and their margins; logs of one name lose the same."""
         stretches: dict[str, list[tuple[int, float, float]]] = {}
-        for block, rows, begin in zip(panel.blocks, panel.rows, panel.start, strict=True):
-            t, pieces = block.log.t[rows], label(self.rows[begin : begin + len(rows)])[0]
-            for k in range(1, int(pieces.max(initial=0)) + 1):
-                episode = t[pieces == k]
-                stretch = int(block.log.segment[0]), float(episode[0]), float(episode[-1])
-                stretches.setdefault(block.log.name, []).append(stretch)
+        t = panel.gather(lambda block: block.log.t)
+        number = np.repeat(np.arange(len(panel.rows)), [len(rows) for rows in panel.rows])
+        for _, first, end in _pieces(self.rows[:, None], np.append(panel.start, len(panel))):
+            log = panel.blocks[number[first]].log
+            stretches.setdefault(log.name, []).append((int(log.segment[0]), float(t[first]), float(t[end - 1])))
         return [WithoutStretches(s, tuple(stretches[s.name])) if s.name in stretches else s for s in sources]
 
 

@@ -113,8 +113,9 @@ def whole_effect(
 
 
 def _at_any_pace(panel: Panel, problems: Sequence[JointProblem], whole: Whole) -> bool:
-    forces = [columns_of(panel, whole, j)[p.keep] for j, p in enumerate(problems)]
-    return agrees_at_any_pace([Predicted.of(panel, p, j, forces[j]) for j, p in enumerate(problems)])
+    return agrees_at_any_pace(
+        [Predicted.of(panel, p, j, columns_of(panel, whole, j)[p.keep]) for j, p in enumerate(problems)]
+    )
 
 
 def _rivals(likelihoods: FloatArray, single: FloatArray, affected: BoolArray) -> bool:

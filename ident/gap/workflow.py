@@ -281,13 +281,14 @@ class _Workflow:
             if names:
                 explained[problem.keep, gap.joint] = gap.problem(self.panel).residual - problem.residual
         found = find_touches(self.panel, self.survey, residuals, explained)
-        for j in found.joints:
-            # A burst that the motion predicts is an effect that was not named, and no touch.
-            everything = np.arange(len(self.panel))
-            if explainable(self.panel, self.survey, j, residuals[:, j], everything).share >= WORTH_SAYING:
-                residuals[:, j] = 0.0
-        real = find_touches(self.panel, self.survey, residuals, explained)
-        return real if real.episodes else None
+        # A burst that the motion predicts is an effect that was not named, and no touch.
+        everything = np.arange(len(self.panel))
+        shares = {j: explainable(self.panel, self.survey, j, residuals[:, j], everything).share for j in found.joints}
+        predicted = [j for j, share in shares.items() if share >= WORTH_SAYING]
+        if predicted:
+            residuals[:, predicted] = 0.0
+            found = find_touches(self.panel, self.survey, residuals, explained)
+        return found if found.episodes else None
 
     def report(self, causes: _Causes, contacts: Sequence[Touches]) -> GapReport:
         self.tell("settling names", 0.0)
@@ -386,6 +387,5 @@ def _contact(contacts: Sequence[Touches]) -> Finding:
     """What was cut out of the logs as contact."""
     joints = tuple(sorted({j for one in contacts for j in one.joints}))
     seconds, episodes = sum(one.seconds for one in contacts), float(sum(one.episodes for one in contacts))
-    return Finding(
-        "contact", "contact", joints, {"seconds": seconds, "episodes": episodes}, SURE, (), None, (), 0.0
-    )  # fmt: skip
+    figures: dict[str, float | list[float]] = {"seconds": seconds, "episodes": episodes}
+    return Finding("contact", "contact", joints, figures, SURE, (), None, (), 0.0)

@@ -9,14 +9,11 @@ from scipy.interpolate import CubicSpline
 from scipy.signal import lfilter
 
 from ident.effects import load_catalogue
-from ident.effects.base import Shape
 from ident.effects.friction import Coulomb
-from ident.effects.transmission import GearRipple
 from ident.fit import Drives, fit
 from ident.gap import baseline, baseline_model, belief, find_gap
 from ident.gap.baseline import EFFECTS
-from ident.gap.candidates import Trial, at_bound, kind_of
-from ident.gap.climb import climb
+from ident.gap.candidates import Trial, kind_of
 from ident.gap.edge import edge_columns, with_less_edge
 from ident.gap.experiment import Joined, Question, separating, with_motion
 from ident.gap.gate import Gate
@@ -175,24 +172,6 @@ def test_small_errors_of_a_models_own_friction_are_tolerated(change, share):
     assert found.tolerated == pytest.approx(share * float(gap.target @ gap.target), rel=1e-3)
 
 
-@pytest.mark.parametrize(("value", "bound"), [(4.0, True), (4.03, True), (5.96, False), (248.0, True), (100.0, False)])
-def test_few_repeats_of_hundreds_are_at_no_bound(value, bound):
-    ripple = GearRipple(0, most=250.0, fewest=4.0)
-    assert at_bound(ripple, np.array([value])) is bound
-
-
-def test_shapes_that_are_bound_to_one_another_are_searched_together():
-    shapes = [Shape("lever", "1", 0.1, 0.98, (0.5, 0.75), log=False), Shape("speed", "1", 1e-3, 1.0, (0.1,))]
-
-    def valley(shape):
-        lever, speed = shape[0] - 0.3, np.log(shape[1] / 0.02)
-        return 10.0 - 1e3 * (speed + 8.0 * lever) ** 2 - lever**2
-
-    found, value = climb(valley, shapes, np.array([0.5, 0.1]), valley(np.array([0.5, 0.1])))
-    assert value == valley(found)
-    np.testing.assert_allclose(found, [0.3, 0.02], rtol=0.05)
-
-
 def test_what_the_catalogue_does_not_have_is_not_named(arm):
     found = structure(arm, hidden=lambda t, q, dq: 0.15 * np.sin(2 * np.pi * 3.1 * t))
     assert found.findings == ()
@@ -309,13 +288,6 @@ def test_the_cut_off_is_sought_beyond_a_worse_step(arm, monkeypatch):
 
     monkeypatch.setattr(baseline, "_best_velocities", tried)
     assert baseline._followed(tried(model, [], False), 0.7, [], False).model.cutoff == pytest.approx(9.8)
-
-
-def test_shapes_are_searched_on_either_side_of_a_negative_start():
-    ratio = Shape("ratio", "1", -2.0, 2.0, (1.0, -1.0), log=False)
-    for best in (-1.4, -0.7):
-        (found,), _ = climb(lambda shape, best=best: -((shape[0] - best) ** 2), [ratio], np.array([-1.0]), -1.0)
-        assert found == pytest.approx(best, abs=0.01)
 
 
 def test_contact_is_cut_out_also_where_links_had_bent_to_it(arm):
