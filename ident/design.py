@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from ident.arrays import FloatArray, IntArray
+from ident.arrays import BoolArray, FloatArray, IntArray
 from ident.effects.base import Coefficient, Context, Term
 from ident.robot import Robot
 from ident.signals import Motion
@@ -15,6 +15,9 @@ from ident.walk import Block
 
 Known = Callable[[Motion], Context]
 """Gives what effects see of a motion, with the load, links or total of a model that is already known."""
+
+Counts = Callable[[Block], BoolArray]
+"""Gives which joints' rows (N, n) of a block count."""
 
 
 @dataclass(frozen=True)
@@ -37,12 +40,14 @@ class Design:
         terms: effects with shape values; coefficients are not used.
         scale: force unit per unit of current, (n,): the drive gains where they are known, else ones.
         known: what is known of the model already; needed by effects that depend on it.
+        counts: which joints' rows (N, n) of a block count; all where not given.
     """
 
     robot: Robot
     terms: tuple[Term, ...]
     scale: FloatArray
     known: Known | None = None
+    counts: Counts | None = None
     _columns: list[IntArray] = field(init=False, repr=False)
     _of_term: list[IntArray] = field(init=False, repr=False)
 
@@ -115,11 +120,17 @@ class Design:
         return [term.effect.start() for term in self.terms]
 
     def rows(self, blocks: Iterable[Block]) -> Iterator[Rows]:
-        """Yield the regression rows of the rows that each block keeps."""
+        """Yield the regression rows of the rows that each block keeps; a joint's row that does not count is nought."""
         memories = self.start()
         for block in blocks:
             if block.first:
                 memories = self.start()
             context = self.context(block.motion)
             matrices = self.matrices(context, memories)
-            yield Rows([m[block.keep] for m in matrices], block.log.current[block.keep] * self.scale)
+            target = block.log.current[block.keep] * self.scale
+            if self.counts is None:
+                yield Rows([m[block.keep] for m in matrices], target)
+            else:
+                counts = self.counts(block)[block.keep]
+                own = [m[block.keep] * counts[:, j, None] for j, m in enumerate(matrices)]
+                yield Rows(own, target * counts)

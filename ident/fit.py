@@ -9,7 +9,7 @@ from functools import partial
 import numpy as np
 
 from ident.arrays import FloatArray
-from ident.design import Design, Known, Rows
+from ident.design import Counts, Design, Known, Rows
 from ident.effects.base import Effect, Term, initial_term
 from ident.least_squares import Factors, Solution, factorise, solve
 from ident.log import LogSource
@@ -68,6 +68,7 @@ def fit(
     robust: bool = False,
     progress: Callable[[float], None] | None = None,
     shapes: Sequence[FloatArray] | None = None,
+    counts: Counts | None = None,
 ) -> Fit:
     """Fit effects to logs.
 
@@ -83,6 +84,7 @@ def fit(
         robust: weight rows by Huber's function, against contacts and outliers (two more passes).
         progress: called with the share of the work done.
         shapes: shape parameters of each effect, which are then kept instead of searched.
+        counts: which joints' rows the linear parameters are fitted to; all where not given. Shapes are searched on all.
     """
     tell = progress or (lambda share: None)
     held = collect(sources, cutoff)
@@ -90,7 +92,7 @@ def fit(
     terms = [initial_term(e) for e in effects]
     if shapes is not None:
         terms = [replace(term, shape=shape) for term, shape in zip(terms, shapes, strict=True)]
-    start = Design(robot, tuple(terms), drives.gain)
+    start = Design(robot, tuple(terms), drives.gain, counts=counts)
     design = settle(start, thin(held, SHAPE_ROWS), drives, cutoff, rate, search=shapes is None)
     tell(0.3)
     passes = 3 if robust else 1

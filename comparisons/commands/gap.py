@@ -155,5 +155,6 @@ def gap_result(found: GapReport) -> dict[str, Any]:
         "untestable": [
             {"effect": u.effect, "joints": [j + 1 for j in u.joints], "reason": u.reason} for u in found.untestable
         ],
+        "rests_left_out": [j + 1 for j in found.rests],
         "noise_floor": found.noise_floor,
     }

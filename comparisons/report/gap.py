@@ -231,6 +231,12 @@ def _open(report: Report, found: GapReport) -> None:
         report.table(columns, rows, "There, but no effect of the catalogue accounts for it")
     else:
         report.text("Nothing that a flexible regressor could predict on stretches held out.")
+    if found.rests:
+        joints = ", ".join(str(j + 1) for j in found.rests)
+        report.text(
+            f"Joints that stick: {joints}. Where they stand, dry friction holds whatever current the drive gives, and "
+            "nothing can be learnt from it: these rows were left out, but for the errors on test logs."
+        )
     report.section("What could not be tested")
     rows = [[u.effect, ", ".join(str(j + 1) for j in u.joints) or "all", u.reason] for u in found.untestable]
     if rows:

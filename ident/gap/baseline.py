@@ -8,11 +8,13 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from ident.arrays import BoolArray
 from ident.effects.friction import Coulomb, VelocityEffect
 from ident.fit import Drives, fit
+from ident.gap.joint_gap import JointGap
 from ident.gap.panel import Panel
-from ident.gap.problem import JointProblem
-from ident.gap.rows import panel_of
+from ident.gap.rests import Rests, rests_of
+from ident.gap.rows import gap_of, panel_of, survey_of
 from ident.identification import identify
 from ident.log import LogSource
 from ident.model import CurrentModel
@@ -56,14 +58,28 @@ def baseline_model(
     """
     found = identify(robot, train, cutoff=cutoff, effects=EFFECTS, progress=progress)
     logged = any(block.dq is not None for source in train for block in itertools.islice(source.blocks(2), 1))
-    best = _best_velocities(found.model, train, logged)
+    first = panel_of(found.model, train)
+    gaps = [gap_of(found.model, first, j) for j in range(robot.n)]
+    rests = rests_of(found.model, first, survey_of(found.model, first), gaps)
+    logs = _Logs(train, logged, rests)
+    best = _best_velocities(found.model, logs)
     if cutoff is None:
-        lower = _followed(best, STEP, train, logged)
-        best = lower if lower is not best else _followed(best, 1.0 / STEP, train, logged)
+        lower = _followed(best, STEP, logs)
+        best = lower if lower is not best else _followed(best, 1.0 / STEP, logs)
     effects = [term.effect for term in best.model.terms]
     views = [best.model.view(source) for source in train]
-    fitted = fit(robot, effects, views, best.model.cutoff, Drives(best.model.gain, best.model.force_unit)).model
+    drives = Drives(best.model.gain, best.model.force_unit)
+    fitted = fit(robot, effects, views, best.model.cutoff, drives, counts=rests.counts).model
     return replace(fitted, positions_only=best.model.positions_only)
+
+
+@dataclass(frozen=True, eq=False)
+class _Logs:
+    """Logs, whether they have velocities, and which joints' rests are left out."""
+
+    sources: Sequence[LogSource]
+    logged: bool
+    rests: Rests
 
 
 @dataclass(frozen=True, eq=False)
@@ -78,14 +94,14 @@ class _Smoothed:
     rows: int
 
 
-def _followed(best: _Smoothed, factor: float, train: Sequence[LogSource], logged: bool) -> _Smoothed:
+def _followed(best: _Smoothed, factor: float, logs: _Logs) -> _Smoothed:
     """The model with its cut-off multiplied by a factor for as long as it predicts better."""
-    while (better := _better(best, factor, train, logged)) is not None:
+    while (better := _better(best, factor, logs)) is not None:
         best = better
     return best
 
 
-def _better(best: _Smoothed, factor: float, train: Sequence[LogSource], logged: bool) -> _Smoothed | None:
+def _better(best: _Smoothed, factor: float, logs: _Logs) -> _Smoothed | None:
     """The model a step or two on, if it predicts that much better; None if it does not.
 
     Poses held out that links are hardly told from make errors jump: the step beyond a worse one may be the better.
@@ -94,23 +110,24 @@ def _better(best: _Smoothed, factor: float, train: Sequence[LogSource], logged: 
         cutoff = best.model.cutoff * factor**steps
         if cutoff >= HIGHEST * best.model.rate:
             break
-        other = _best_velocities(replace(best.model, cutoff=cutoff), train, logged)
+        other = _best_velocities(replace(best.model, cutoff=cutoff), logs)
         if other.error <= best.error - steps * WORTH * best.model.n and other.rows >= ROWS_KEPT * best.rows:
             return other
     return None
 
 
-def _best_velocities(model: CurrentModel, train: Sequence[LogSource], logged: bool) -> _Smoothed:
+def _best_velocities(model: CurrentModel, logs: _Logs) -> _Smoothed:
     """The model with velocities from positions or, where there are any, as logged: those may be the noisier."""
-    tried = [_smoothed(replace(model, positions_only=False), train)]
-    if logged:
-        tried.append(_smoothed(replace(model, positions_only=True), train))
+    tried = [_smoothed(replace(model, positions_only=False), logs)]
+    if logs.logged:
+        tried.append(_smoothed(replace(model, positions_only=True), logs))
     return min(tried, key=lambda one: one.error)
 
 
-def _smoothed(model: CurrentModel, train: Sequence[LogSource]) -> _Smoothed:
-    panel = panel_of(model, train)
-    found = [_smoothing(model, panel, j) for j in range(model.n)]
+def _smoothed(model: CurrentModel, logs: _Logs) -> _Smoothed:
+    panel = panel_of(model, logs.sources)
+    counts = panel.gather(logs.rests.counts)
+    found = [_smoothing(model, panel, counts[:, j], j) for j in range(model.n)]
     smoothing = [width for width, _ in found]
     terms = tuple(
         replace(term, effect=replace(term.effect, smoothing=smoothing[term.effect.at]))
@@ -121,16 +138,19 @@ def _smoothed(model: CurrentModel, train: Sequence[LogSource]) -> _Smoothed:
     return _Smoothed(replace(model, terms=terms), float(np.sum(np.log([error for _, error in found]))), len(panel))
 
 
-def _smoothing(model: CurrentModel, panel: Panel, joint: int) -> tuple[float, float]:
-    """The smoothing with which a joint's rows are fitted best, and the mean squared held-out error with it."""
+def _smoothing(model: CurrentModel, panel: Panel, counts: BoolArray, joint: int) -> tuple[float, float]:
+    """The smoothing with which a joint's rows that count are fitted best, and their mean squared held-out error."""
     own = [t for t in model.terms if t.effect.joint in (None, joint)]
     friction = next((t.effect for t in own if isinstance(t.effect, Coulomb)), None)
     others = [panel.columns(t.effect, t.shape, joint) for t in own if not isinstance(t.effect, Coulomb)]
-    everything = np.ones(len(panel), dtype=bool)
-    problem = JointProblem(np.hstack(others), panel.force[:, joint], panel.fold, everything)
-    width, columns = float(SMOOTHINGS[0]), None
+    rows = JointGap(joint, np.hstack(others), panel.force[:, joint], counts, ())
+    tried = [(float(SMOOTHINGS[0]), rows)]
     if friction is not None:
-        tried = [panel.columns(replace(friction, smoothing=s), np.zeros(0), joint) for s in SMOOTHINGS]
-        best = int(np.argmax([problem.drop(c) for c in tried]))
-        width, columns = float(SMOOTHINGS[best]), tried[best]
-    return width, max(problem.errors(columns).total / len(panel), 1e-300)
+        columns = {
+            float(s): panel.columns(replace(friction, smoothing=float(s)), np.zeros(0), joint) for s in SMOOTHINGS
+        }
+        tried = [(s, replace(rows, matrix=np.hstack([rows.matrix, c]))) for s, c in columns.items()]
+    # Rests that do not count tell how well the sign is predicted as the joint creeps.
+    width, best = min(tried, key=lambda one: float(np.sum(one[1].everywhere(panel) ** 2)))
+    problem = best.problem(panel)
+    return width, max(problem.errors().total / len(problem), 1e-300)

@@ -69,10 +69,23 @@ class JointGap:
 
     def problem(self, panel: Panel, named: Sequence[Trial] = ()) -> JointProblem:
         """The regression with effects named so far among the baseline's columns."""
+        return JointProblem(self._matrix(panel, named), self.target, panel.fold, self.keep)
+
+    def everywhere(self, panel: Panel, named: Sequence[Trial] = ()) -> FloatArray:
+        """What that, fitted to the rows that count, leaves in all rows (N,), nuisance taken away in those only."""
+        matrix = self._matrix(panel, named)
+        found = JointProblem(matrix, self.target, panel.fold, self.keep).fit()
+        own, every = self.matrix.shape[1], np.arange(matrix.shape[1])
+        plain = (every < own - self.nuisance) | (every >= own)
+        left: FloatArray = self.target - matrix[:, plain] @ found[plain]
+        left[self.keep] -= matrix[self.keep][:, ~plain] @ found[~plain]
+        return left
+
+    def _matrix(self, panel: Panel, named: Sequence[Trial]) -> FloatArray:
+        """The baseline's columns and those of effects whose coefficients keep to their bounds, in all rows."""
         plain = JointProblem(self.matrix, self.target, panel.fold, self.keep)
         found = [usable(panel, plain, trial.effect, trial.shape, self.joint) for trial in named]
-        columns = [whole[:, used] for whole, used in found]
-        return JointProblem(np.hstack([self.matrix, *columns]), self.target, panel.fold, self.keep)
+        return np.hstack([self.matrix, *(whole[:, used] for whole, used in found)])
 
 
 def starts_of(panel: Panel, problem: JointProblem) -> IntArray:

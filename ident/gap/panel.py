@@ -5,8 +5,10 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import TypeVar
 
 import numpy as np
+import numpy.typing as npt
 
 from ident.arrays import FloatArray, IntArray
 from ident.effects.base import Context, Effect
@@ -14,6 +16,8 @@ from ident.model import CurrentModel
 from ident.robot import Robot
 from ident.signals import Motion
 from ident.walk import Block
+
+Scalar = TypeVar("Scalar", bound=np.generic)
 
 
 @dataclass(frozen=True, eq=False)
@@ -83,7 +87,7 @@ class Panel:
         )
         return Context(self.robot, motion, load, first.links, total)
 
-    def gather(self, of: Callable[[Block], FloatArray]) -> FloatArray:
+    def gather(self, of: Callable[[Block], npt.NDArray[Scalar]]) -> npt.NDArray[Scalar]:
         """Rows (N, ...) of whatever can be told of a block."""
         return np.concatenate([of(block)[rows] for block, rows in zip(self.blocks, self.rows, strict=True)])
 

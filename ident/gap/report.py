@@ -75,6 +75,7 @@ class GapReport:
         residuals: of those rows, before and after, (N, n), in force units; NaN in rows that were left out.
         p_values: chance (n,), over all joints, of so good a first candidate on each joint where there is nothing.
         evidence: errors on the test logs, finding by finding; None where there are no test logs.
+        rests: joints, from 0, that stick: their rests were left out, but for the errors on test logs.
     """
 
     before: CurrentModel
@@ -89,6 +90,7 @@ class GapReport:
     residuals: tuple[FloatArray, FloatArray] = field(repr=False)
     p_values: FloatArray = field(repr=False)
     evidence: Evidence | None = None
+    rests: tuple[int, ...] = ()
 
     @property
     def noise_floor(self) -> FloatArray:

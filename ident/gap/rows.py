@@ -9,6 +9,8 @@ import numpy as np
 from ident.arrays import FloatArray, IntArray
 from ident.effects.base import Survey
 from ident.effects.friction import Coulomb, VelocityEffect, Viscous
+from ident.gap.edge import edge_columns
+from ident.gap.joint_gap import JointGap
 from ident.gap.panel import Panel
 from ident.log import LogSource
 from ident.model import CurrentModel
@@ -57,6 +59,16 @@ def survey_of(model: CurrentModel, panel: Panel) -> Survey:
         model.rate,
         np.ptp(position, axis=0),
     )
+
+
+def gap_of(model: CurrentModel, panel: Panel, joint: int) -> JointGap:
+    """A joint's rows with the model's columns, which are fitted again, and those by which its sign may turn."""
+    own = [t for t in model.terms if t.effect.joint in (None, joint)]
+    edge = edge_columns(panel, own, joint)
+    columns = [panel.columns(t.effect, t.shape, joint) for t in own]
+    everything = np.ones(len(panel), dtype=bool)
+    present = tuple(t.effect for t in own)
+    return JointGap(joint, np.hstack([*columns, edge]), panel.force[:, joint], everything, present, edge.shape[1])
 
 
 def _per_newton_metre(model: CurrentModel, panel: Panel) -> FloatArray:

@@ -27,7 +27,8 @@ from ident.gap.localise import gap_map
 from ident.gap.panel import Panel
 from ident.gap.preflight import untestable
 from ident.gap.report import Finding, GapReport, Unexplained
-from ident.gap.rows import panel_of, survey_of
+from ident.gap.rests import no_rests, rests_of
+from ident.gap.rows import gap_of, panel_of, survey_of
 from ident.gap.search import Search, search
 from ident.gap.settle import alternatives, next_experiment
 from ident.gap.touch import Touches, find_touches
@@ -103,6 +104,7 @@ class _Workflow:
 
     def run(self) -> GapReport:
         self.tell("reading logs", 0.0)
+        self.rests = no_rests(self.model.n)
         self.lag = velocity_lag(self.train, self.model.cutoff)
         if self.lag is not None:
             logged = replace(self.model, positions_only=False)
@@ -123,22 +125,33 @@ class _Workflow:
 
     def look(self) -> None:
         """Steps 1 and 2: the model, fitted again unless it is held fixed, and the rows that it is held against."""
+        self.rests = no_rests(self.model.n)
+        self.see()
+        self.rests = rests_of(self.model, self.panel, self.survey, self.gaps)
+        if self.rests.joints:
+            self.see()
+
+    def see(self) -> None:
+        """The model, its rows and facts about them, with what is known of rests."""
         if self.refit:
             self.model = self.fitted(self.model, [])
         self.panel = panel_of(self.model, self.train)
         if len(self.panel) < 200:
             raise InputError("too few rows", ", ".join(s.name for s in self.train), "give longer logs")
         self.survey = survey_of(self.model, self.panel)
+        rest = ~self.panel.gather(self.rests.counts)
         self.gaps = [self.gap(self.panel, j) for j in range(self.model.n)]
+        for j in self.rests.joints:
+            self.gaps[j] = self.gaps[j].bare().without(rest[:, j])
 
     def unsure(self) -> BoolArray:
         """Rows (N, n) whose sign of velocity is noise."""
-        residuals = np.stack([gap.problem(self.panel).residual for gap in self.gaps], axis=1)
+        residuals = np.stack([gap.everywhere(self.panel) for gap in self.gaps], axis=1)
         return unsure_rows(self.model, self.panel, self.survey, residuals)
 
     def name(self, keep: BoolArray) -> _Causes:
         """Steps 3 to 5: first causes of the whole robot, then of each joint."""
-        gaps = [replace(gap, keep=keep[:, gap.joint]) for gap in self.gaps]
+        gaps = [gap.without(~keep[:, gap.joint]) for gap in self.gaps]
         wholes: list[Whole] = []
         self.tell("trying effects", 0.0)
         searches = self.seen_anew(self.searches(gaps))
@@ -250,19 +263,15 @@ class _Workflow:
 
     def gap(self, panel: Panel, joint: int) -> JointGap:
         """The joint's rows: the model's columns if it is refitted, else what it leaves."""
-        keep = np.ones(len(panel), dtype=bool)
+        if self.refit:
+            return gap_of(self.model, panel, joint)
         own = [t for t in self.model.terms if t.effect.joint in (None, joint)]
-        edge, target = edge_columns(panel, own, joint), panel.force[:, joint]
-        if not self.refit:
-            friction = [
-                panel.columns(t.effect, t.shape, joint) @ t.coefficients for t in own if t.effect.family == "friction"
-            ]
-            left = target - self.simulated(panel)[:, joint]
-            forces = np.column_stack(friction) if friction else None
-            return JointGap(joint, edge, left, keep, (), edge.shape[1], forces)
-        columns = [panel.columns(t.effect, t.shape, joint) for t in own]
-        present = tuple(t.effect for t in own)
-        return JointGap(joint, np.hstack([*columns, edge]), target, keep, present, edge.shape[1])
+        edge, left = edge_columns(panel, own, joint), panel.force[:, joint] - self.simulated(panel)[:, joint]
+        friction = [
+            panel.columns(t.effect, t.shape, joint) @ t.coefficients for t in own if t.effect.family == "friction"
+        ]
+        forces = np.column_stack(friction) if friction else None
+        return JointGap(joint, edge, left, np.ones(len(panel), dtype=bool), (), edge.shape[1], forces)
 
     def simulated(self, panel: Panel) -> FloatArray:
         """Force (N, n) that the model gives in a panel's rows."""
@@ -275,11 +284,13 @@ class _Workflow:
     def touches(self, gaps: Sequence[JointGap], named: Sequence[Sequence[Named]]) -> Touches | None:
         """Contact in what names leave, if there is any."""
         residuals, explained = (np.zeros((len(self.panel), self.model.n)) for _ in range(2))
+        counts = self.panel.gather(self.rests.counts)
         for gap, names in zip(gaps, named, strict=True):
-            problem = gap.problem(self.panel, [n.trial for n in names])
-            residuals[problem.keep, gap.joint] = problem.residual
+            left, rest = gap.everywhere(self.panel, [n.trial for n in names]), ~counts[:, gap.joint]
+            residuals[gap.keep, gap.joint] = left[gap.keep]
+            residuals[rest, gap.joint] = self.rests.beyond(gap.joint, left[rest])
             if names:
-                explained[problem.keep, gap.joint] = gap.problem(self.panel).residual - problem.residual
+                explained[gap.keep, gap.joint] = (gap.everywhere(self.panel) - left)[gap.keep]
         found = find_touches(self.panel, self.survey, residuals, explained)
         # A burst that the motion predicts is an effect that was not named, and no touch.
         everything = np.arange(len(self.panel))
@@ -320,7 +331,7 @@ class _Workflow:
         self.tell("settling names", 1.0)
         return GapReport(
             self.start, model, tuple(findings), tuple(nameless), tuple(missing), maps[0], maps[1],
-            self.panel, self.survey, (before, after), causes.p_values, shown,
+            self.panel, self.survey, (before, after), causes.p_values, shown, self.rests.joints,
         )  # fmt: skip
 
     def plain(self, gap: JointGap) -> JointGap:
@@ -379,7 +390,7 @@ class _Workflow:
         effects, shapes = [t.effect for t in everything], [t.shape for t in everything]
         drives = Drives(model.gain, model.force_unit)
         views = [model.view(source) for source in self.train]
-        found = fit(model.robot, effects, views, model.cutoff, drives, shapes=shapes).model
+        found = fit(model.robot, effects, views, model.cutoff, drives, shapes=shapes, counts=self.rests.counts).model
         return replace(found, positions_only=model.positions_only)
 
 

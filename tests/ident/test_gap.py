@@ -283,11 +283,11 @@ def test_the_cut_off_is_sought_beyond_a_worse_step(arm, monkeypatch):
     model = replace(identify(arm, logs(arm, 1), effects=EFFECTS).model, cutoff=20.0)
     errors = {20.0: 0.0, 14.0: 0.5, 9.8: -1.0, 6.86: -0.99, 4.8: -0.98}
 
-    def tried(model, train, logged):
+    def tried(model, logs):
         return baseline._Smoothed(model, errors[round(model.cutoff, 2)], 100)
 
     monkeypatch.setattr(baseline, "_best_velocities", tried)
-    assert baseline._followed(tried(model, [], False), 0.7, [], False).model.cutoff == pytest.approx(9.8)
+    assert baseline._followed(tried(model, None), 0.7, None).model.cutoff == pytest.approx(9.8)
 
 
 def test_contact_is_cut_out_also_where_links_had_bent_to_it(arm):
