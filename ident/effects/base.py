@@ -116,6 +116,7 @@ class Survey:
         since: earliest time stamp [s].
         rate: sampling rate [Hz].
         reach: range (n,) of the joints' positions [rad or m].
+        holds: force (n,) that dry friction holds of a joint that stands, in the model's force unit.
     """
 
     robot: Robot
@@ -128,6 +129,7 @@ class Survey:
     since: float
     rate: float
     reach: FloatArray
+    holds: FloatArray
 
 
 @dataclass(frozen=True)

@@ -87,6 +87,7 @@ class CoulombAsymmetry(VelocityEffect):
     name = "coulomb-asymmetry"
     family = "friction"
     rivals = ("current-offset",)
+    contains = ("current-offset",)
     excitation = "motion and rest: slow torque ramps from standstill"
 
     def coefficients(self, robot: Robot) -> tuple[Coefficient, ...]:

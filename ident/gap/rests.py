@@ -14,12 +14,13 @@ from scipy.ndimage import binary_dilation, label
 
 from ident.arrays import BoolArray, FloatArray
 from ident.effects.base import Survey
-from ident.effects.friction import Coulomb
-from ident.gap.candidates import admissible, best_start, forms
+from ident.gap.candidates import Trial, admissible, best_start, coefficients, forms
 from ident.gap.joint_gap import JointGap
 from ident.gap.panel import Panel
+from ident.gap.problem import JointProblem
 from ident.gap.spectrum import spectral_line
 from ident.gap.touch import row_step
+from ident.gap.unsure import shaken
 from ident.model import CurrentModel
 from ident.walk import Block
 
@@ -32,23 +33,27 @@ AROUND = 0.05
 RESTS, MOVES = 0.02, 0.2
 """Share of the rows that must be rests for them to be looked at, and motion for it to tell what is usual."""
 
-STICKS = 4.0
-"""A joint sticks if its mean square is this many times larger in rests than in motion, that motion being fitted."""
+STICKS = 9.0
+"""A joint sticks if its mean square is this many times larger in rests than in motion, that motion being fitted, with
+what noise of the velocity makes of its dry friction."""
 
 HELD, MOST = 1.3, 2.0
 """Dry friction holds this many times its force in motion in the mean square, and at most as joints break away."""
 
-RATTLES = 2.0
-"""What dry friction holds is quiet: it changes from row to row at most this many times as much as in motion."""
+RATTLES, QUIETER = 2.0, 0.25
+"""What dry friction holds is quiet: its noise is at most this many times that in motion, told by a quarter of rows."""
 
-HUNTS = 0.15
-"""Share of what rests hold, without the mean of each, that a line in the spectrum has where a drive hunts."""
+SWINGS, HUNTS = 0.7, 0.15
+"""Where a drive hunts, share of what rests hold that is not the mean of each, and share of that in one line."""
 
 EXPLAINED = 0.75
 """Share of the rests' squares that an effect must explain for them to tell of it."""
 
-TELLING = ("hysteresis", "rigid-body")
-"""Families of effects that act on a joint that stands."""
+SLIP = 5e-5
+"""Displacement [rad or m] before a joint slips, below which it sticks."""
+
+TELLING = ("hysteresis", "rigid-body", "friction", "timing")
+"""Families of effects that may act on a joint that stands; ripples fit whatever a few poses hold."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -84,45 +89,42 @@ def no_rests(n: int) -> Rests:
 
 
 def rests_of(model: CurrentModel, panel: Panel, survey: Survey, gaps: Sequence[JointGap]) -> Rests:
-    """Find the joints that stick.
-
-    Args:
-        model: the model, with its dry friction.
-        panel: the rows.
-        survey: facts about them.
-        gaps: every joint's rows.
-    """
+    """Find the joints that stick, given the model and every joint's rows."""
     speed = np.minimum(STANDS, OF_MEAN * survey.pace)
     moving = panel.gather(Rests(speed, speed).counts)
-    dry = np.zeros(model.n)
-    for term in model.terms:
-        if isinstance(term.effect, Coulomb):
-            dry[term.effect.at] = abs(term.coefficients[0])
-    sticks = [_sticks(panel, survey, gap, ~moving[:, gap.joint], dry[gap.joint]) for gap in gaps]
-    return Rests(np.where(sticks, speed, 0.0), MOST * dry)
+    noise = np.minimum(shaken(model, panel, survey), survey.holds)
+    sticks = [_sticks(panel, survey, gap, ~moving[:, gap.joint], noise[:, gap.joint]) for gap in gaps]
+    return Rests(np.where(sticks, speed, 0.0), MOST * survey.holds)
 
 
-def _sticks(panel: Panel, survey: Survey, gap: JointGap, rest: BoolArray, dry: float) -> bool:
+def _sticks(panel: Panel, survey: Survey, gap: JointGap, rest: BoolArray, noise: FloatArray) -> bool:
     if rest.mean() < RESTS or rest.mean() > 1.0 - MOVES:
         return False
     left = gap.without(rest).everywhere(panel)
     usual, held = float(np.mean(left[~rest] ** 2)), float(np.mean(left[rest] ** 2))
-    if held < STICKS * usual or held > (HELD * dry) ** 2 + usual:
+    if (
+        held < STICKS * (usual + float(np.mean(noise[rest] ** 2)))
+        or held > (HELD * survey.holds[gap.joint]) ** 2 + usual
+    ):
         return False
-    if _rattles(left, rest) or _hunts(panel, _without_levels(left, rest), rest, usual):
+    if _rattles(panel.force[:, gap.joint], left, rest) or _hunts(panel, left, rest):
         return False
-    return not _told(panel, survey, gap, rest)
+    return not _told(panel, survey, gap, rest, usual)
 
 
-def _rattles(left: FloatArray, rest: BoolArray) -> bool:
-    """Whether what rests hold changes from row to row by more than it does in motion."""
-    step = np.abs(np.diff(left))
-    return bool(np.median(step[rest[1:]]) > RATTLES * np.median(step[~rest[1:]]))
+def _rattles(force: FloatArray, left: FloatArray, rest: BoolArray) -> bool:
+    """Whether rests are noisier than motion, by the quieter rows: where a joint turns round its force jumps."""
+
+    def noise(values: FloatArray, rows: BoolArray) -> float:
+        return float(np.quantile(np.abs(np.diff(values, 2))[rows[2:]], QUIETER))
+
+    return noise(force, rest) > RATTLES * noise(left, ~rest)
 
 
-def _hunts(panel: Panel, swings: FloatArray, rest: BoolArray, usual: float) -> bool:
-    """Whether what rests hold swings at one frequency, by more than is usual in motion."""
-    if np.mean(swings[rest] ** 2) < STICKS * usual:
+def _hunts(panel: Panel, left: FloatArray, rest: BoolArray) -> bool:
+    """Whether most of what rests hold swings, at one frequency."""
+    swings = _without_levels(left, rest)
+    if np.mean(swings[rest] ** 2) < SWINGS * np.mean(left[rest] ** 2):
         return False
     line = spectral_line(swings, panel.start, row_step(panel))
     return line is not None and line[1] > HUNTS
@@ -135,17 +137,23 @@ def _without_levels(left: FloatArray, rest: BoolArray) -> FloatArray:
     return np.where(rest, left - level[pieces], 0.0)
 
 
-def _told(panel: Panel, survey: Survey, gap: JointGap, rest: BoolArray) -> bool:
-    """Whether an effect explains most of what the rests of a joint are above the rest."""
+def _told(panel: Panel, survey: Survey, gap: JointGap, rest: BoolArray, usual: float) -> bool:
+    """Whether an effect explains most of what the mean square of a joint's rests is above what is usual in motion."""
     problem = gap.problem(panel)
-    least = (1.0 - EXPLAINED) * float(np.sum(problem.residual[rest] ** 2))
+    least = EXPLAINED * usual + (1.0 - EXPLAINED) * float(np.mean(problem.residual[rest] ** 2))
     for effect in forms(survey, gap.joint, gap.present):
         if effect.family in TELLING:
             start = best_start(panel, problem, effect, gap.joint)
             columns = admissible(panel, problem, effect, start.shape, gap.joint)
-            if np.sum(problem.left(columns)[rest] ** 2) < least:
+            if np.mean(problem.left(columns)[rest] ** 2) < least and not _slipless(panel, problem, start, gap.joint):
                 return True
     return False
+
+
+def _slipless(panel: Panel, problem: JointProblem, trial: Trial, joint: int) -> bool:
+    """Whether an effect remembers over no displacement to speak of: then it is dry friction that sticks."""
+    found = trial.effect.summary(panel.robot, trial.shape, coefficients(panel, problem, trial, joint))
+    return float(np.sum(found.get("slip", np.inf))) < SLIP
 
 
 def _around(rest: BoolArray, block: Block) -> BoolArray:

@@ -21,6 +21,9 @@ ROWS = 16_000
 
 FOLDS = 4
 
+DRY = ("coulomb", "sigmoid", "stribeck", "maxwell-slip", "cross-joint-friction")
+"""Effects whose force a joint that stands may hold."""
+
 
 def panel_of(model: CurrentModel, sources: Sequence[LogSource], limit: int = ROWS) -> Panel:
     """Gather rows of logs, with what effects see of them under the model; folds are logs, or parts of few logs."""
@@ -58,7 +61,18 @@ def survey_of(model: CurrentModel, panel: Panel) -> Survey:
         min(float(block.motion.t[0]) for block in panel.blocks),
         model.rate,
         np.ptp(position, axis=0),
+        _holds(model),
     )
+
+
+def _holds(model: CurrentModel) -> FloatArray:
+    """Force (n,) of all that a model knows of dry friction, whichever law it has by that."""
+    force = np.zeros(model.n)
+    for term in model.terms:
+        if term.effect.name in DRY:
+            found = term.effect.summary(model.robot, term.shape, term.coefficients)["force"]
+            force[term.effect.at] += abs(float(np.sum(found)))
+    return force
 
 
 def gap_of(model: CurrentModel, panel: Panel, joint: int) -> JointGap:

@@ -71,9 +71,8 @@ def find_touches(panel: Panel, survey: Survey, residuals: FloatArray, named: Flo
     usual = 1.4826 * np.stack([_usual(panel, averaged[:, j], j) for j in range(averaged.shape[1])], axis=1)
     least = np.maximum(HEIGHT * usual, BEYOND_NAMES * np.sqrt(np.mean(named**2, axis=0)))
     still = np.abs(panel.velocity) < STILL * survey.smoothing
-    held = survey.friction * (1.0 - survey.viscous)
     high = np.abs(averaged) > np.maximum(least, 1e-300)
-    sure = np.abs(averaged) > least + still * held
+    sure = np.abs(averaged) > least + still * survey.holds
     bursts = np.zeros_like(high)
     shortest = max(2, round(SHORTEST / step))
     for j, a, b in _pieces(high, edges):

@@ -37,15 +37,21 @@ def unsure_rows(model: CurrentModel, panel: Panel, survey: Survey, residual: Flo
     """
     slow = np.abs(panel.velocity) < TURNED * survey.smoothing
     found = np.zeros(slow.shape, dtype=bool)
-    noise = panel.gather(lambda block: velocity_noise(model, block))
+    noise = shaken(model, panel, survey)
+    for j in range(model.n):
+        moving = residual[~slow[:, j], j]
+        if len(moving) > 0:
+            found[:, j] = slow[:, j] & (noise[:, j] > WORST * np.sqrt(np.mean(moving**2)))
+    return found
+
+
+def shaken(model: CurrentModel, panel: Panel, survey: Survey) -> FloatArray:
+    """Error (N, n) that the velocity's noise makes of dry friction where its sign turns, by standard deviation."""
+    dry = np.zeros(model.n)
     for term in model.terms:
         if isinstance(term.effect, Coulomb):
-            j = term.effect.at
-            moving = residual[~slow[:, j], j]
-            if len(moving) > 0:
-                shaken = abs(float(term.coefficients[0])) * noise[:, j] / survey.smoothing[j]
-                found[:, j] = slow[:, j] & (shaken > WORST * np.sqrt(np.mean(moving**2)))
-    return found
+            dry[term.effect.at] = abs(float(term.coefficients[0]))
+    return panel.gather(lambda block: velocity_noise(model, block)) * dry / survey.smoothing
 
 
 def velocity_noise(model: CurrentModel, block: Block) -> FloatArray:

@@ -130,7 +130,7 @@ def _alternatives(best: Whole, ranking: Sequence[Whole]) -> tuple[str, ...]:
     names = []
     for other in ranking:
         share = 1.0 - RIVAL_LAW if best.effect.rivals_with(other.effect) else LAW
-        if other.effect.name != best.effect.name and other.standing >= share * best.standing:
+        if other.effect.name != best.effect.name and other.likelihood >= share * best.likelihood:
             names.append(other.effect.name)
     return tuple(dict.fromkeys(names))
 

@@ -46,7 +46,7 @@ SURE = 1e-6
 ROUNDS = 3
 """Times at most that contact is cut out: links that were fitted to some of it hide the rest."""
 
-DEPENDENT = {"links", "total"}
+DEPENDENT = {"links", "load", "total"}
 """What effects need of a model that is fitted again with them before they are judged."""
 
 

@@ -172,6 +172,20 @@ def test_small_errors_of_a_models_own_friction_are_tolerated(change, share):
     assert found.tolerated == pytest.approx(share * float(gap.target @ gap.target), rel=1e-3)
 
 
+def test_friction_by_load_is_sized_although_links_have_bent_to_it(arm):
+    def loaded(seed):
+        log, (_, q, dq, ddq) = record(arm, seed), motion(seed)
+        load = arm.rigid_body.inverse_dynamics(q, dq, ddq, np.tile(arm.multibody.parameters, (2, 1)))[:, 0]
+        friction = 0.4 * (np.sqrt(load**2 + 0.5**2) - 0.5) * np.tanh(dq[:, 0] / 2e-3)
+        return log.replace(current=log.current + friction[:, None] * np.array([1.0, 0.0]))
+
+    train = [loaded(seed) for seed in (1, 2, 3)]
+    found = find_gap(baseline_model(arm, train), train, [loaded(9)])
+    assert [(one.effect, one.joints) for one in found.findings] == [("load-friction", (0,))]
+    # With links as they were fitted without it, .404.
+    assert found.findings[0].parameters["force"] == pytest.approx(0.4, rel=0.003)
+
+
 def test_what_the_catalogue_does_not_have_is_not_named(arm):
     found = structure(arm, hidden=lambda t, q, dq: 0.15 * np.sin(2 * np.pi * 3.1 * t))
     assert found.findings == ()
@@ -361,7 +375,7 @@ def test_the_next_experiment_is_the_motion_on_which_two_names_differ(arm):
 def test_a_burst_is_held_against_what_is_usual_in_motion(arm, monkeypatch):
     log, rng = record(arm, 1), np.random.default_rng(0)
     panel = panel_of(baseline_model(arm, [log]), [log])
-    survey = SimpleNamespace(smoothing=np.full(2, 2e-3), friction=np.array([1.0, 0.3]), viscous=np.array([0.5, 0.0]))
+    survey = SimpleNamespace(smoothing=np.full(2, 2e-3), holds=np.array([0.5, 0.3]))
     move, place = np.divmod(np.arange(len(panel)), 500)
     moving = place < 100
     monkeypatch.setattr(Panel, "velocity", np.where(moving, 0.5, 0.0)[:, None] * np.ones(2))
