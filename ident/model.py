@@ -15,7 +15,7 @@ from ident.log import JointLog, LogSource, PositionsOnly, Sample
 from ident.online_friction import Memories, OneSample
 from ident.robot import Robot
 from ident.signals import CausalDerivatives, Motion, derive
-from ident.walk import walk
+from ident.walk import Block, walk
 
 NEWTON_METRE = "N m"
 """Force unit of a model whose drive gains are known; forces of prismatic joints are then in N."""
@@ -128,11 +128,16 @@ class CurrentModel:
 
     def predict_blocks(self, source: LogSource) -> Iterator[tuple[JointLog, FloatArray]]:
         """Walk a log and yield (rows, predicted current (rows, n)) with zero-phase filters, in bounded memory."""
+        for block, predicted in self.predict_walk(source):
+            yield block.log, predicted
+
+    def predict_walk(self, source: LogSource) -> Iterator[tuple[Block, FloatArray]]:
+        """Walk a log and yield its blocks, with their motion, and the predicted current (rows, n) of each."""
         memories = self.start()
         for block in walk(self.view(source), self.cutoff):
             if block.first:
                 memories = self.start()
-            yield block.log, self.force(block.motion, memories) / self.gain
+            yield block, self.force(block.motion, memories) / self.gain
 
     def reset(self) -> None:
         """Forget all memory, as at the start of a segment."""

@@ -69,12 +69,14 @@ def sentence(found: GapReport, finding: Finding) -> str:
     text = f"{where}: {WORDS.get(finding.effect, finding.effect)} ({finding.effect}; {figures})"
     if found.evidence is not None and finding.effect != "contact":
         number = found.findings.index(finding)
-        before, after = found.evidence.steps[number], found.evidence.steps[number + 1]
+        # Rests of joints that stick would hide what became of the rest.
+        steps, part = (found.evidence.moving, ", in motion,") if found.rests else (found.evidence.steps, "")
+        before, after = steps[number], steps[number + 1]
         joint = finding.joints[0] if finding.joints else int(np.argmax(1.0 - after / before))
         unit = found.model.unit
         less = 1.0 - after[joint] / before[joint]
         change = "falls" if less > HARDLY else "hardly changes," if less > -HARDLY else "does not fall: it goes"
-        text += f"; the gap on test logs {change} from {before[joint]:.3g} to {after[joint]:.3g} {unit}"
+        text += f"; the gap on test logs{part} {change} from {before[joint]:.3g} to {after[joint]:.3g} {unit}"
         text += f"{'' if finding.joints else f' on joint {joint + 1}'}, noise floor {found.noise_floor[joint]:.3g}"
     text += "."
     if finding.alternatives:
@@ -116,8 +118,10 @@ def gap_report(found: GapReport, test: Sequence[LogSource], note: Provenance) ->
         "Intervals come from a block bootstrap."
     )
     report.figure(_map(found), "Before (left) and after (right) what was found is added")
-    rows = [[j + 1, name, before[j], after[j], found.noise_floor[j]] for j, name in enumerate(robot.joints)]
-    columns = ["joint", "name", f"before [{unit}]", f"after [{unit}]", f"noise floor [{unit}]"]
+    shown = [before, after, *((found.evidence.moving[0], found.evidence.moving[-1]) if found.rests else ())]
+    rows = [[j + 1, name, *(x[j] for x in shown), found.noise_floor[j]] for j, name in enumerate(robot.joints)]
+    moving = [f"before, in motion [{unit}]", f"after, in motion [{unit}]"] if found.rests else []
+    columns = ["joint", "name", f"before [{unit}]", f"after [{unit}]", *moving, f"noise floor [{unit}]"]
     report.table(columns, rows, "RMS error on the test logs")
     for finding in found.findings:
         if len(finding.joints) == 1 and finding.effect != "contact":

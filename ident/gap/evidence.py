@@ -11,6 +11,7 @@ from ident.arrays import FloatArray
 from ident.gap.joint_gap import JointGap, Named
 from ident.gap.panel import Panel
 from ident.gap.problem import gain
+from ident.gap.rests import Rests
 from ident.log import LogSource
 from ident.model import CurrentModel
 
@@ -21,10 +22,12 @@ class Evidence:
 
     Attributes:
         steps: (n,) for the model before, then with one finding more each, to the model with all of them.
+        moving: the same without the rests of joints that stick, which no model of them tells.
         rows: rows that were predicted.
     """
 
     steps: tuple[FloatArray, ...]
+    moving: tuple[FloatArray, ...]
     rows: int
 
     @property
@@ -38,18 +41,27 @@ class Evidence:
         return self.steps[-1]
 
 
-def evidence(models: Sequence[CurrentModel], test: Sequence[LogSource]) -> Evidence:
-    """Predict logs with a model and with each of its extensions."""
-    squares = [np.zeros(model.n) for model in models]
-    rows = 0
+def evidence(models: Sequence[CurrentModel], test: Sequence[LogSource], rests: Rests | None = None) -> Evidence:
+    """Predict logs with a model and with each of its extensions.
+
+    Args:
+        models: the model, and its extensions.
+        test: the logs.
+        rests: which joints stick.
+    """
+    n = models[0].n
+    sums, counts = np.zeros((2, len(models), 2, n))
     for source in test:
         for k, model in enumerate(models):
-            for log, predicted in model.predict_blocks(source):
-                left = log.current - predicted
-                known = np.isfinite(left).all(axis=1)
-                squares[k] += np.sum(left[known] ** 2, axis=0)
-                rows += int(known.sum()) if k == 0 else 0
-    return Evidence(tuple(np.sqrt(s / max(rows, 1)) for s in squares), rows)
+            for block, predicted in model.predict_walk(source):
+                left = block.log.current - predicted
+                known = np.repeat(np.isfinite(left).all(axis=1, keepdims=True), n, axis=1)
+                moving = known if rests is None else known & rests.counts(block)
+                for part, rows in enumerate((known, moving)):
+                    sums[k, part] += np.sum(np.where(rows, left, 0.0) ** 2, axis=0)
+                    counts[k, part] += rows.sum(axis=0)
+    errors = np.sqrt(sums / np.maximum(counts, 1))
+    return Evidence(tuple(errors[:, 0]), tuple(errors[:, 1]), int(counts[0, 0].max()))
 
 
 def negative_control(panel: Panel, gap: JointGap, named: Sequence[Named], one: Named) -> float:

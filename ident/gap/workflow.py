@@ -325,7 +325,7 @@ class _Workflow:
             findings.insert(
                 0, Finding("delay", "timing", (), {"seconds": self.lag.seconds}, SURE, (), None, (), np.inf)
             )
-        shown = evidence([self.start, *models], self.test) if self.test else None
+        shown = evidence([self.start, *models], self.test, self.rests) if self.test else None
         model = models[-1] if models else self.model
         maps = [gap_map(self.panel, self.survey, r) for r in (before, after)]
         self.tell("settling names", 1.0)

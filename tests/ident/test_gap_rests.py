@@ -67,10 +67,8 @@ def test_what_friction_holds_at_rest_is_left_out_and_bends_nothing(arm):
     assert found.rests == (0, 1)
     assert found.findings == ()
     assert found.unexplained == ()
-    log = record(arm, 9, held=0.0)
-    moving = np.abs(np.gradient(log.q, log.t, axis=0)) > 0.05
-    left = np.where(moving, log.current - found.model.predict(log), np.nan)
-    np.testing.assert_allclose(np.sqrt(np.nanmean(left**2, axis=0)), NOISE, rtol=0.1)
+    assert np.all(found.evidence.after > 2.0 * NOISE)
+    np.testing.assert_allclose(found.evidence.moving[-1], NOISE, rtol=0.1)
 
 
 def test_an_effect_is_named_beside_rests_eight_times_the_noise(arm):
