@@ -22,10 +22,20 @@ Counts = Callable[[Block], BoolArray]
 
 @dataclass(frozen=True)
 class Rows:
-    """Regression rows of consecutive samples: a matrix (N, shared columns, own columns) a joint, and targets (N, n)."""
+    """Regression rows of consecutive samples: a matrix (N, shared columns, own columns) a joint, and targets (N, n).
+
+    ``counts`` (N, n) says which count, all where it is not given; the others are nought.
+    """
 
     matrices: list[FloatArray]
     target: FloatArray
+    counts: BoolArray | None = None
+
+    @property
+    def counted(self) -> FloatArray:
+        """Number of rows (n,) that count for each joint."""
+        full = np.full(self.target.shape[1], float(len(self.target)))
+        return full if self.counts is None else self.counts.sum(axis=0).astype(np.float64)
 
 
 @dataclass(frozen=True)
@@ -120,7 +130,7 @@ class Design:
         return [term.effect.start() for term in self.terms]
 
     def rows(self, blocks: Iterable[Block]) -> Iterator[Rows]:
-        """Yield the regression rows of the rows that each block keeps; a joint's row that does not count is nought."""
+        """Yield the regression rows of the rows that each block keeps."""
         memories = self.start()
         for block in blocks:
             if block.first:
@@ -133,4 +143,4 @@ class Design:
             else:
                 counts = self.counts(block)[block.keep]
                 own = [m[block.keep] * counts[:, j, None] for j, m in enumerate(matrices)]
-                yield Rows(own, target * counts)
+                yield Rows(own, target * counts, counts)

@@ -22,11 +22,13 @@ class Factors:
 
     Attributes:
         triangles: per joint the upper triangle R of [matrix, target], (p + 1, p + 1).
-        rows: rows gone in, per joint.
+        rows: rows gone in.
+        counted: of them, those that count for each joint, (n,).
     """
 
     triangles: list[FloatArray]
     rows: int
+    counted: FloatArray
 
     def residual_variance(self, design: Design, parameters: FloatArray) -> FloatArray:
         """Return the mean squared residual (n,) of each joint at given parameters."""
@@ -34,7 +36,7 @@ class Factors:
             np.sum((upper @ np.append(parameters[design.columns_of_joint(j)], -1.0)) ** 2)
             for j, upper in enumerate(self.triangles)
         ]
-        return np.array(squares) / max(self.rows, 1)
+        return np.asarray(np.array(squares) / np.maximum(self.counted, 1.0))
 
 
 def factorise(design: Design, rows: Iterable[Rows], weigh: Callable[[Rows], FloatArray] | None = None) -> Factors:
@@ -47,7 +49,7 @@ def factorise(design: Design, rows: Iterable[Rows], weigh: Callable[[Rows], Floa
     """
     n = design.robot.n
     triangles = [np.zeros((0, len(design.columns_of_joint(j)) + 1)) for j in range(n)]
-    count = 0
+    count, counted = 0, np.zeros(n)
     for block in rows:
         w = None if weigh is None else weigh(block)
         for j in range(n):
@@ -56,7 +58,8 @@ def factorise(design: Design, rows: Iterable[Rows], weigh: Callable[[Rows], Floa
                 stacked *= np.sqrt(w[:, j])[:, None]
             triangles[j] = triangle(np.vstack([triangles[j], stacked]))
         count += len(block.target)
-    return Factors([_padded(t) for t in triangles], count)
+        counted += block.counted
+    return Factors([_padded(t) for t in triangles], count, counted)
 
 
 @dataclass(frozen=True, eq=False)
@@ -100,7 +103,7 @@ def solve(design: Design, factors: Factors, weights: FloatArray | None = None) -
         parameters = np.zeros(design.count)
         parameters[determined] = _bounded(matrix[:, determined], target, lower[determined])
         variance = np.maximum(factors.residual_variance(design, parameters), floor)
-        variance *= factors.rows / max(factors.rows - determined.sum() / design.robot.n, 1.0)
+        variance *= factors.counted / np.maximum(factors.counted - determined.sum() / design.robot.n, 1.0)
         weights = 1.0 / variance if reweight else weights
     bread, condition = normal_inverse(design, factors, weights, determined)
     return Solution(parameters, determined, bread, weights, condition, variance)

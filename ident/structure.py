@@ -214,7 +214,7 @@ class _Held:
             np.vstack([np.column_stack(rows) for rows in self._rows(design, joint, self.fold.train, self.train)])
         )
         triangles = [upper if j == joint else known for j, known in enumerate(self.factors.triangles)]
-        parameters = solve(design, Factors(triangles, self.factors.rows), self.weights).parameters
+        parameters = solve(design, Factors(triangles, self.factors.rows, self.factors.counted), self.weights).parameters
         columns = design.columns_of_joint(joint)
         rows = self._rows(design, joint, self.fold.held_out, self.held_out)
         residual = np.concatenate([target - matrix @ parameters[columns] for matrix, target in rows])

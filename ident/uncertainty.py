@@ -59,6 +59,7 @@ def covariance(terms: tuple[Term, ...], design: Design, solution: Solution, bloc
         columns = full.columns_of_joint(j)
         residuals = [r.target[:, j] - r.matrices[j] @ parameters[columns] for r in rows]
         gamma = autocovariance(residuals)
+        gamma *= factors.rows / max(float(factors.counted[j]), 1.0)
         gamma *= parzen(len(gamma), bandwidth(gamma))
         middle = sum(_middle(r.matrices[j], gamma) for r in rows)
         meat[np.ix_(columns, columns)] += solution.weights[j] ** 2 * middle

@@ -139,18 +139,19 @@ def _smoothed(model: CurrentModel, logs: _Logs) -> _Smoothed:
 
 
 def _smoothing(model: CurrentModel, panel: Panel, counts: BoolArray, joint: int) -> tuple[float, float]:
-    """The smoothing with which a joint's rows that count are fitted best, and their mean squared held-out error."""
+    """The smoothing that predicts all of a joint's rows best, fitted to those that count, whose held-out error follows.
+
+    Rests that do not count still tell how well the sign is predicted as the joint creeps.
+    """
     own = [t for t in model.terms if t.effect.joint in (None, joint)]
     friction = next((t.effect for t in own if isinstance(t.effect, Coulomb)), None)
     others = [panel.columns(t.effect, t.shape, joint) for t in own if not isinstance(t.effect, Coulomb)]
     rows = JointGap(joint, np.hstack(others), panel.force[:, joint], counts, ())
     tried = [(float(SMOOTHINGS[0]), rows)]
     if friction is not None:
-        columns = {
-            float(s): panel.columns(replace(friction, smoothing=float(s)), np.zeros(0), joint) for s in SMOOTHINGS
-        }
-        tried = [(s, replace(rows, matrix=np.hstack([rows.matrix, c]))) for s, c in columns.items()]
-    # Rests that do not count tell how well the sign is predicted as the joint creeps.
+        laws = [(width, replace(friction, smoothing=width)) for width in SMOOTHINGS.tolist()]
+        columns = [(width, panel.columns(law, np.zeros(0), joint)) for width, law in laws]
+        tried = [(width, replace(rows, matrix=np.hstack([rows.matrix, c]))) for width, c in columns]
     width, best = min(tried, key=lambda one: float(np.sum(one[1].everywhere(panel) ** 2)))
     problem = best.problem(panel)
     return width, max(problem.errors().total / len(problem), 1e-300)

@@ -103,7 +103,10 @@ def _line(panel: Panel, problem: JointProblem, joint: int) -> tuple[float, float
     still = classes_of(panel, problem, joint) < FAST
     for rows in (np.ones(len(problem), dtype=bool), still):
         if rows.mean() > SLOW_ROWS:
-            line = spectral_line(problem.residual * rows, starts_of(panel, problem), row_step(panel))
+            # Rows that are left out keep their place in time.
+            left = np.zeros(len(panel))
+            left[problem.keep] = problem.residual * rows
+            line = spectral_line(left, panel.start, row_step(panel))
             if line is not None:
                 return line
     return None

@@ -141,7 +141,7 @@ def _said(truth: Trial, besides: Sequence[Trial], joined: Joined) -> FloatArray:
     """Force (N,) of an effect as fitted to the logs' own rows."""
     panel, gap = joined.panel, joined.gap
     logs = np.arange(len(panel)) < len(panel) - joined.added
-    problem = replace(gap, keep=logs).problem(panel, besides)
+    problem = gap.without(~logs).problem(panel, besides)
     found = coefficients(panel, problem, truth, gap.joint)
     said: FloatArray = panel.columns(truth.effect, truth.shape, gap.joint) @ found
     return said

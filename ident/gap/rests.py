@@ -30,15 +30,18 @@ STANDS, OF_MEAN = 5e-3, 0.05
 AROUND = 0.05
 """Seconds around a rest that go with it: derived velocities are smoothed."""
 
-RESTS, MOVES = 0.02, 0.2
+RESTS, MOVES = 0.02, 0.1
 """Share of the rows that must be rests for them to be looked at, and motion for it to tell what is usual."""
 
 STICKS = 9.0
 """A joint sticks if its mean square is this many times larger in rests than in motion, that motion being fitted, with
 what noise of the velocity makes of its dry friction."""
 
-HELD, MOST = 1.3, 2.0
-"""Dry friction holds this many times its force in motion in the mean square, and at most as joints break away."""
+HELD = 1.3
+"""What dry friction holds has an RMS of this many times its force in motion, at most."""
+
+MOST = 2.0
+"""And it holds this many times that force at any moment, at most, as joints break away."""
 
 RATTLES, QUIETER = 2.0, 0.25
 """What dry friction holds is quiet: its noise is at most this many times that in motion, told by a quarter of rows."""
@@ -75,12 +78,20 @@ class Rests:
 
     def counts(self, block: Block) -> BoolArray:
         """Whether each joint's row of a block (N, n) counts."""
-        speed = np.abs(np.nan_to_num(block.motion.dq))
-        return np.stack([~_around(speed[:, j] < s, block) for j, s in enumerate(self.speed)], axis=1)
+        return ~stands(block, self.speed)
 
     def beyond(self, joint: int, left: FloatArray) -> FloatArray:
         """The part of a resting joint's residuals (M,) that its dry friction cannot hold."""
         return np.asarray(np.sign(left) * np.maximum(np.abs(left) - self.most[joint], 0.0))
+
+
+def stands(block: Block, speed: FloatArray) -> BoolArray:
+    """Rows (N, n) of a block in or about which each joint is slower than a speed (n,); not where that is not known."""
+    slow = np.abs(block.motion.dq) < speed
+    if not slow.any():
+        return slow
+    around = np.ones((2 * max(1, round(AROUND * block.log.rate)) + 1, 1), dtype=bool)
+    return np.asarray(binary_dilation(slow, around), dtype=bool)
 
 
 def no_rests(n: int) -> Rests:
@@ -91,14 +102,15 @@ def no_rests(n: int) -> Rests:
 def rests_of(model: CurrentModel, panel: Panel, survey: Survey, gaps: Sequence[JointGap]) -> Rests:
     """Find the joints that stick, given the model and every joint's rows."""
     speed = np.minimum(STANDS, OF_MEAN * survey.pace)
-    moving = panel.gather(Rests(speed, speed).counts)
+    rests = panel.gather(lambda block: stands(block, speed))
     noise = np.minimum(shaken(model, panel, survey), survey.holds)
-    sticks = [_sticks(panel, survey, gap, ~moving[:, gap.joint], noise[:, gap.joint]) for gap in gaps]
+    sticks = [_sticks(panel, survey, gap, rests[:, gap.joint], noise[:, gap.joint]) for gap in gaps]
     return Rests(np.where(sticks, speed, 0.0), MOST * survey.holds)
 
 
 def _sticks(panel: Panel, survey: Survey, gap: JointGap, rest: BoolArray, noise: FloatArray) -> bool:
-    if rest.mean() < RESTS or rest.mean() > 1.0 - MOVES:
+    moves_everywhere = len(np.unique(panel.fold[~rest])) == len(np.unique(panel.fold))
+    if rest.mean() < RESTS or rest.mean() > 1.0 - MOVES or not moves_everywhere:
         return False
     left = gap.without(rest).everywhere(panel)
     usual, held = float(np.mean(left[~rest] ** 2)), float(np.mean(left[rest] ** 2))
@@ -116,23 +128,29 @@ def _rattles(force: FloatArray, left: FloatArray, rest: BoolArray) -> bool:
     """Whether rests are noisier than motion, by the quieter rows: where a joint turns round its force jumps."""
 
     def noise(values: FloatArray, rows: BoolArray) -> float:
-        return float(np.quantile(np.abs(np.diff(values, 2))[rows[2:]], QUIETER))
+        inside = rows[2:] & rows[1:-1] & rows[:-2]
+        return float(np.quantile(np.abs(np.diff(values, 2))[inside], QUIETER)) if inside.any() else 0.0
 
+    # The model's own sign of velocity flickers at rest; in motion the force's own slope would count as noise.
     return noise(force, rest) > RATTLES * noise(left, ~rest)
 
 
 def _hunts(panel: Panel, left: FloatArray, rest: BoolArray) -> bool:
     """Whether most of what rests hold swings, at one frequency."""
-    swings = _without_levels(left, rest)
+    swings = _without_levels(panel, left, rest)
     if np.mean(swings[rest] ** 2) < SWINGS * np.mean(left[rest] ** 2):
         return False
     line = spectral_line(swings, panel.start, row_step(panel))
     return line is not None and line[1] > HUNTS
 
 
-def _without_levels(left: FloatArray, rest: BoolArray) -> FloatArray:
+def _without_levels(panel: Panel, left: FloatArray, rest: BoolArray) -> FloatArray:
     """What is left in rests (N,), without the mean of each: a drive that hunts is held by no friction."""
     pieces, _ = label(rest)
+    # The rests at the end of one block and at the beginning of the next are two.
+    begun = np.zeros(len(left), dtype=np.int64)
+    begun[panel.start] = 1
+    pieces = np.where(rest, pieces + np.cumsum(begun), 0)
     level = np.bincount(pieces, left) / np.maximum(np.bincount(pieces), 1)
     return np.where(rest, left - level[pieces], 0.0)
 
@@ -140,7 +158,10 @@ def _without_levels(left: FloatArray, rest: BoolArray) -> FloatArray:
 def _told(panel: Panel, survey: Survey, gap: JointGap, rest: BoolArray, usual: float) -> bool:
     """Whether an effect explains most of what the mean square of a joint's rests is above what is usual in motion."""
     problem = gap.problem(panel)
-    least = EXPLAINED * usual + (1.0 - EXPLAINED) * float(np.mean(problem.residual[rest] ** 2))
+    held = float(np.mean(problem.residual[rest] ** 2))
+    if held <= usual:
+        return False  # links bend to few rests until nothing is left of them
+    least = EXPLAINED * usual + (1.0 - EXPLAINED) * held
     for effect in forms(survey, gap.joint, gap.present):
         if effect.family in TELLING:
             start = best_start(panel, problem, effect, gap.joint)
@@ -154,9 +175,3 @@ def _slipless(panel: Panel, problem: JointProblem, trial: Trial, joint: int) -> 
     """Whether an effect remembers over no displacement to speak of: then it is dry friction that sticks."""
     found = trial.effect.summary(panel.robot, trial.shape, coefficients(panel, problem, trial, joint))
     return float(np.sum(found.get("slip", np.inf))) < SLIP
-
-
-def _around(rest: BoolArray, block: Block) -> BoolArray:
-    if not rest.any():
-        return rest
-    return np.asarray(binary_dilation(rest, iterations=max(1, round(AROUND * block.log.rate))), dtype=bool)

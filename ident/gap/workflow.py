@@ -104,15 +104,14 @@ class _Workflow:
 
     def run(self) -> GapReport:
         self.tell("reading logs", 0.0)
-        self.rests = no_rests(self.model.n)
         self.lag = velocity_lag(self.train, self.model.cutoff)
+        if self.lag is not None:
+            self.model = replace(self.model, positions_only=True)
+        self.look()
+        self.start = self.model
         if self.lag is not None:
             logged = replace(self.model, positions_only=False)
             self.start = self.fitted(logged, []) if self.refit else logged
-            self.model = replace(self.model, positions_only=True)
-        self.look()
-        if self.lag is None:
-            self.start = self.model
         contacts: list[Touches] = []
         while True:
             causes = self.name(~self.unsure())
@@ -139,10 +138,7 @@ class _Workflow:
         if len(self.panel) < 200:
             raise InputError("too few rows", ", ".join(s.name for s in self.train), "give longer logs")
         self.survey = survey_of(self.model, self.panel)
-        rest = ~self.panel.gather(self.rests.counts)
         self.gaps = [self.gap(self.panel, j) for j in range(self.model.n)]
-        for j in self.rests.joints:
-            self.gaps[j] = self.gaps[j].bare().without(rest[:, j])
 
     def unsure(self) -> BoolArray:
         """Rows (N, n) whose sign of velocity is noise."""
@@ -262,9 +258,15 @@ class _Workflow:
         return found
 
     def gap(self, panel: Panel, joint: int) -> JointGap:
-        """The joint's rows: the model's columns if it is refitted, else what it leaves."""
-        if self.refit:
-            return gap_of(self.model, panel, joint)
+        """The joint's rows: the model's columns if it is refitted, else what it leaves; of one that sticks no rests."""
+        found = gap_of(self.model, panel, joint) if self.refit else self.held_fixed(panel, joint)
+        if joint not in self.rests.joints:
+            return found
+        # Without the rows in which the sign turns, nothing tells how it does.
+        return found.bare().without(~panel.gather(self.rests.counts)[:, joint])
+
+    def held_fixed(self, panel: Panel, joint: int) -> JointGap:
+        """What the model leaves of a joint's rows."""
         own = [t for t in self.model.terms if t.effect.joint in (None, joint)]
         edge, left = edge_columns(panel, own, joint), panel.force[:, joint] - self.simulated(panel)[:, joint]
         friction = [
@@ -317,7 +319,7 @@ class _Workflow:
             findings.append(_contact(contacts))
         findings.sort(key=lambda f: -f.explained)
         self.tell("settling names", 0.6)
-        missing = untestable(self.panel, self.survey, causes.gaps, problems)
+        missing = untestable(self.panel, self.survey, causes.gaps, problems, self.rests.joints)
         terms = [finding.terms for finding in findings]
         models = [self.fitted(self.model, list(chain(*terms[: k + 1]))) for k in range(len(terms))]
         if self.lag is not None:

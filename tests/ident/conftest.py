@@ -10,6 +10,16 @@ from ident.log import JointLog
 from ident.robot import Robot, load_robot
 from ident.signals import Motion
 
+ARM = """<robot name="arm"><link name="base"/>
+<link name="upper"><inertial><origin xyz=".25 0 0"/><mass value="4"/>
+<inertia ixx=".02" iyy=".1" izz=".1" ixy="0" ixz="0" iyz="0"/></inertial></link>
+<link name="lower"><inertial><origin xyz=".2 0 0"/><mass value="2"/>
+<inertia ixx=".01" iyy=".05" izz=".05" ixy="0" ixz="0" iyz="0"/></inertial></link>
+<joint name="a" type="revolute"><parent link="base"/><child link="upper"/><axis xyz="0 1 0"/>
+<limit lower="-2.5" upper="2.5" velocity="3" effort="90"/></joint>
+<joint name="b" type="revolute"><parent link="upper"/><child link="lower"/><origin xyz=".5 0 0"/><axis xyz="0 1 0"/>
+<limit lower="-2.5" upper="2.5" velocity="3" effort="50"/></joint></robot>"""
+
 GAIN = np.array([0.71, 0.81, 0.403, 0.112, 0.144, 0.076])  # [N m per %Use]
 
 
@@ -49,3 +59,12 @@ def recorded(vs060: Robot, swinging: Callable[..., Motion]) -> Callable[..., Joi
         return JointLog(motion.t, motion.q, current, name=f"log{seed}")
 
     return record
+
+
+@pytest.fixture(scope="session")
+def arm(tmp_path_factory: pytest.TempPathFactory) -> Robot:
+    """Two links that two joints turn in a plane."""
+    folder = tmp_path_factory.mktemp("arm")
+    (folder / "arm.urdf").write_text(ARM)
+    (folder / "robot.toml").write_text('name = "arm"\nurdf = "arm.urdf"\ncurrent_unit = "A"\n')
+    return load_robot(folder / "robot.toml")

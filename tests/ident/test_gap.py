@@ -20,6 +20,7 @@ from ident.gap.gate import Gate
 from ident.gap.joint_gap import JointGap
 from ident.gap.panel import Panel
 from ident.gap.problem import JointProblem
+from ident.gap.rests import no_rests
 from ident.gap.rows import panel_of
 from ident.gap.search import Search
 from ident.gap.settle import next_experiment
@@ -28,26 +29,8 @@ from ident.gap.velocity_lag import velocity_lag
 from ident.identification import identify
 from ident.log import JointLog
 from ident.model_file import load_model, save_model
-from ident.robot import load_robot
 
-ARM = """<robot name="arm"><link name="base"/>
-<link name="upper"><inertial><origin xyz=".25 0 0"/><mass value="4"/>
-<inertia ixx=".02" iyy=".1" izz=".1" ixy="0" ixz="0" iyz="0"/></inertial></link>
-<link name="lower"><inertial><origin xyz=".2 0 0"/><mass value="2"/>
-<inertia ixx=".01" iyy=".05" izz=".05" ixy="0" ixz="0" iyz="0"/></inertial></link>
-<joint name="a" type="revolute"><parent link="base"/><child link="upper"/><axis xyz="0 1 0"/>
-<limit lower="-2.5" upper="2.5" velocity="3" effort="90"/></joint>
-<joint name="b" type="revolute"><parent link="upper"/><child link="lower"/><origin xyz=".5 0 0"/><axis xyz="0 1 0"/>
-<limit lower="-2.5" upper="2.5" velocity="3" effort="50"/></joint></robot>"""
 RATE, NOISE = 100.0, 0.08
-
-
-@pytest.fixture(scope="module")
-def arm(tmp_path_factory):
-    folder = tmp_path_factory.mktemp("arm")
-    (folder / "arm.urdf").write_text(ARM)
-    (folder / "robot.toml").write_text('name = "arm"\nurdf = "arm.urdf"\ncurrent_unit = "A"\n')
-    return load_robot(folder / "robot.toml")
 
 
 def motion(seed, seconds=60.0):
@@ -297,11 +280,13 @@ def test_the_cut_off_is_sought_beyond_a_worse_step(arm, monkeypatch):
     model = replace(identify(arm, logs(arm, 1), effects=EFFECTS).model, cutoff=20.0)
     errors = {20.0: 0.0, 14.0: 0.5, 9.8: -1.0, 6.86: -0.99, 4.8: -0.98}
 
+    unused = baseline._Logs([], False, no_rests(2))
+
     def tried(model, logs):
         return baseline._Smoothed(model, errors[round(model.cutoff, 2)], 100)
 
     monkeypatch.setattr(baseline, "_best_velocities", tried)
-    assert baseline._followed(tried(model, None), 0.7, None).model.cutoff == pytest.approx(9.8)
+    assert baseline._followed(tried(model, unused), 0.7, unused).model.cutoff == pytest.approx(9.8)
 
 
 def test_contact_is_cut_out_also_where_links_had_bent_to_it(arm):

@@ -3,31 +3,12 @@
 import numpy as np
 import pytest
 
+from ident.fit import Drives, fit
 from ident.gap import baseline_model, find_gap
-from ident.gap.rests import no_rests
-from ident.gap.rows import panel_of
 from ident.log import JointLog
-from ident.robot import load_robot
 
-ARM = """<robot name="arm"><link name="base"/>
-<link name="upper"><inertial><origin xyz=".25 0 0"/><mass value="4"/>
-<inertia ixx=".02" iyy=".1" izz=".1" ixy="0" ixz="0" iyz="0"/></inertial></link>
-<link name="lower"><inertial><origin xyz=".2 0 0"/><mass value="2"/>
-<inertia ixx=".01" iyy=".05" izz=".05" ixy="0" ixz="0" iyz="0"/></inertial></link>
-<joint name="a" type="revolute"><parent link="base"/><child link="upper"/><axis xyz="0 1 0"/>
-<limit lower="-2.5" upper="2.5" velocity="3" effort="90"/></joint>
-<joint name="b" type="revolute"><parent link="upper"/><child link="lower"/><origin xyz=".5 0 0"/><axis xyz="0 1 0"/>
-<limit lower="-2.5" upper="2.5" velocity="3" effort="50"/></joint></robot>"""
 RATE, NOISE, DRY = 100.0, 0.08, np.array([1.5, 0.8])
 MOVE, STOP = 1.6, 0.8  # seconds
-
-
-@pytest.fixture(scope="module")
-def arm(tmp_path_factory):
-    folder = tmp_path_factory.mktemp("arm")
-    (folder / "arm.urdf").write_text(ARM)
-    (folder / "robot.toml").write_text('name = "arm"\nurdf = "arm.urdf"\ncurrent_unit = "A"\n')
-    return load_robot(folder / "robot.toml")
 
 
 def record(arm, seed, hidden=None, held=1.0, hum=0.0, moves=28):
@@ -73,7 +54,11 @@ def test_what_friction_holds_at_rest_is_left_out_and_bends_nothing(arm):
 
 def test_an_effect_is_named_beside_rests_eight_times_the_noise(arm):
     found = found_in(arm, hidden=lambda q, dq, stands: 0.25 * np.sign(dq[:, 1]) * np.exp(-np.abs(dq[:, 1]) / 0.06))
-    assert [(one.effect, one.joints) for one in found.findings] == [("stribeck", (1,))]
+    assert found.rests == (0, 1)
+    (one,) = found.findings
+    assert (one.effect, one.joints) == ("stribeck", (1,))
+    assert one.parameters["speed"] == pytest.approx(0.06, rel=0.3)
+    assert found.evidence.moving[-1][1] < 1.1 * NOISE
 
 
 def test_rests_that_nothing_holds_count(arm):
@@ -101,6 +86,43 @@ def test_rests_that_remember_where_the_joint_came_from_count(arm):
     assert [(one.effect, one.joints) for one in found.findings] == [("maxwell-slip", (1,))]
 
 
-def test_no_rests_leave_every_row(arm):
-    panel = panel_of(baseline_model(arm, logs(arm)), logs(arm))
-    assert panel.gather(no_rests(2).counts).all()
+def test_a_drive_that_rattles_at_rest_is_unexplained_and_not_left_out(arm):
+    rng = np.random.default_rng(0)
+    found = found_in(arm, held=0.0, hidden=lambda q, dq, stands: stands * 0.4 * rng.standard_normal(len(q)))
+    assert found.rests == ()
+    assert [one.joints for one in found.unexplained] == [(1,)]
+
+
+def test_a_load_at_rest_is_more_than_dry_friction_holds(arm):
+    found = found_in(arm, held=0.0, hidden=lambda q, dq, stands: stands * 4.0 * np.sign(q[:, 1]))
+    assert found.rests == ()
+
+
+def test_a_joint_that_stands_in_one_of_the_logs_keeps_its_rests(arm):
+    def still(log):
+        q = log.q.copy()
+        q[:, 1] = 0.3
+        return log.replace(q=q)
+
+    train = [*logs(arm), still(record(arm, 4))]
+    found = find_gap(baseline_model(arm, train), train)
+    assert 1 not in found.rests
+
+
+def test_a_row_of_its_own_is_no_rest(arm):
+    log = record(arm, 1)
+    segment = np.zeros(len(log.t), dtype=np.int64)
+    segment[-1] = 1
+    train = [log.replace(segment=segment), record(arm, 2), record(arm, 3)]
+    assert find_gap(baseline_model(arm, train), train, train[:1]).rests == (0, 1)
+
+
+def test_rows_that_do_not_count_are_as_good_as_cut_out(arm):
+    log, half = record(arm, 1, held=0.0), 33.6
+    model = baseline_model(arm, [log])
+    effects, drives = [t.effect for t in model.terms], Drives(model.gain, model.force_unit)
+    kept = fit(arm, effects, [log], 10.0, drives, counts=lambda b: np.repeat(b.log.t[:, None] < half, 2, axis=1))
+    cut = fit(arm, effects, [log[log.t < half]], 10.0, drives)
+    for one, other in zip(kept.model.terms, cut.model.terms, strict=True):
+        np.testing.assert_allclose(one.coefficients, other.coefficients, rtol=0.02, atol=1e-3)
+        np.testing.assert_allclose(one.std, other.std, rtol=0.2)
