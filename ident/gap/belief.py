@@ -5,7 +5,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
+from scipy.ndimage import binary_dilation
 
+from ident.arrays import BoolArray
 from ident.effects.base import Survey
 from ident.gap.abstain import explainable
 from ident.gap.constancy import inconstancy
@@ -30,9 +32,12 @@ between, by the logarithm of that: the less is left, the less constant they need
 SLOW_ROWS = 0.1
 """Share of rows that are no fast motion without which no line is looked for in them alone."""
 
-SEEN, RESTLESS = 0.03, 4.0
-"""Share of rows that rest, and motion, must have; how many times larger the mean square must be at rest than in motion
-for something to happen there, whatever it follows."""
+SEEN, TURNS_SEEN, RESTLESS = 0.03, 0.005, 4.0
+"""Share of rows that rest, and motion, must have, and those in which the load changes sides; how many times larger the
+mean square must be there than elsewhere for something to happen, whatever it follows."""
+
+AROUND = 0.1
+"""Seconds around a row in which the load changes sides that go with it."""
 
 WORTH_SAYING = 0.06
 """Share of a joint's squared residual that must be explainable for it to be called unexplained."""
@@ -81,9 +86,9 @@ def unexplained(
     line = _line(panel, problem, gap.joint)
     if line is not None:
         return [Unexplained((gap.joint,), (f"t ({line[0]:.2g} Hz)",), line[1])]
-    restless = _restless(panel, problem, gap.joint)
-    if restless > 0.0:
-        return [Unexplained((gap.joint,), (f"|dq{gap.joint + 1}| (its size)",), restless)]
+    uneven = _uneven(panel, problem, gap.joint)
+    if uneven is not None:
+        return [Unexplained((gap.joint,), (f"{uneven[0]} (its size)",), uneven[1])]
     past = _remembered(panel, problem)
     return [Unexplained((gap.joint,), ("t (its own past)",), past)] if past > WORTH_SAYING else []
 
@@ -112,14 +117,32 @@ def _line(panel: Panel, problem: JointProblem, joint: int) -> tuple[float, float
     return None
 
 
-def _restless(panel: Panel, problem: JointProblem, joint: int) -> float:
-    """Share of the squared residual by which slow rows exceed fast ones; nought unless that is far more than noise."""
-    slow = classes_of(panel, problem, joint) < MOVING
+def _uneven(panel: Panel, problem: JointProblem, joint: int) -> tuple[str, float] | None:
+    """What the size of the residual follows, and the share of its square by which it is larger there than elsewhere.
+
+    That is slow motion, or a load about to change sides, as where gears have play; None unless it is far more there.
+    """
     squares = problem.residual**2
-    if min(slow.mean(), 1.0 - slow.mean()) < SEEN or squares[slow].mean() < RESTLESS * squares[~slow].mean():
-        return 0.0
-    excess = slow.sum() * (squares[slow].mean() - squares[~slow].mean())
-    return float(excess / max(squares.sum(), 1e-300))
+    slow = classes_of(panel, problem, joint) < MOVING
+    turns = _load_turns(panel, joint)[problem.keep]
+    for rows, seen, signal in ((slow, SEEN, f"|dq{joint + 1}|"), (turns, TURNS_SEEN, f"load{joint + 1}")):
+        few = min(rows.mean(), 1.0 - rows.mean())
+        if few >= seen and squares[rows].mean() >= RESTLESS * squares[~rows].mean():
+            excess = rows.sum() * (squares[rows].mean() - squares[~rows].mean())
+            return signal, float(excess / max(squares.sum(), 1e-300))
+    return None
+
+
+def _load_turns(panel: Panel, joint: int) -> BoolArray:
+    """Rows (N,) about which a joint's load changes its sign."""
+    around = max(1, round(AROUND / row_step(panel)))
+    found = []
+    for context, rows in zip(panel.contexts, panel.rows, strict=True):
+        side = np.sign(context.needed("load", "gap")[rows, joint])
+        turned = np.zeros(len(rows), dtype=bool)
+        turned[1:] = side[1:] != side[:-1]
+        found.append(binary_dilation(turned, iterations=around) if turned.any() else turned)
+    return np.concatenate(found)
 
 
 def _remembered(panel: Panel, problem: JointProblem) -> float:

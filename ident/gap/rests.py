@@ -34,8 +34,10 @@ RESTS, MOVES = 0.02, 0.1
 """Share of the rows that must be rests for them to be looked at, and motion for it to tell what is usual."""
 
 STICKS = 9.0
-"""A joint sticks if its mean square is this many times larger in rests than in motion, that motion being fitted, with
-what noise of the velocity makes of its dry friction."""
+"""A joint sticks if its mean square is this many times larger in rests than in motion, that motion being fitted."""
+
+SHAKEN = 2.0
+"""And larger by this many times what noise of the velocity makes of its dry friction there."""
 
 HELD = 1.3
 """What dry friction holds has an RMS of this many times its force in motion, at most."""
@@ -114,10 +116,8 @@ def _sticks(panel: Panel, survey: Survey, gap: JointGap, rest: BoolArray, noise:
         return False
     left = gap.without(rest).everywhere(panel)
     usual, held = float(np.mean(left[~rest] ** 2)), float(np.mean(left[rest] ** 2))
-    if (
-        held < STICKS * (usual + float(np.mean(noise[rest] ** 2)))
-        or held > (HELD * survey.holds[gap.joint]) ** 2 + usual
-    ):
+    least = STICKS * usual + SHAKEN * float(np.mean(noise[rest] ** 2))
+    if not least <= held <= (HELD * survey.holds[gap.joint]) ** 2 + usual:
         return False
     if _rattles(panel.force[:, gap.joint], left, rest) or _hunts(panel, left, rest):
         return False

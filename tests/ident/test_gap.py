@@ -234,6 +234,22 @@ def test_what_happens_while_the_joint_creeps_or_rests_is_seen_and_not_named(arm,
     assert one.depends_on == (depends_on,)
 
 
+def test_play_that_knocks_as_the_load_changes_sides_is_seen_and_not_named(arm, monkeypatch):
+    def knocks(t, q, dq):
+        near = np.exp(-((np.cos(q[:, 0] + q[:, 1]) / 0.05) ** 2))
+        return 0.6 * near * np.random.default_rng(len(t)).standard_normal(len(t))
+
+    def upright(seed, plain=motion):
+        t, q, dq, ddq = plain(seed)
+        return t, q + np.array([0.0, 1.5]), dq, ddq
+
+    monkeypatch.setitem(globals(), "motion", upright)
+    found = structure(arm, hidden=knocks)
+    assert found.findings == ()
+    (one,) = found.unexplained
+    assert (one.joints, one.depends_on) == ((1,), ("load2 (its size)",))
+
+
 def test_friction_that_turns_slowly_is_no_edge(arm):
     model = baseline_model(arm, logs(arm, 1))
     panel = panel_of(model, logs(arm, 1))
