@@ -65,7 +65,7 @@ def benchmark(
         nothing: cases in which nothing is hidden.
         robots: vs060, ur10, panda, xarm7.
         styles: how they are moved and logged, taken in turn: usual, 500Hz, 50Hz, fourier, sinusoid, short,
-            stop-and-go, noisy; all for every one of them.
+            stop-and-go, noisy, sticks; all for every one of them but the last.
         only: sets of cases (single, changed, pair, triple, nothing, foreign, measured) or names of effects.
         methods: who is asked.
         measured: folder of measured logs for half measured cases; default: the environment's SENSORLESS_MEASURED.
@@ -85,7 +85,7 @@ def benchmark(
         usual.mixtures if mixtures is None else mixtures,
         usual.nothing if nothing is None else nothing,
         robots or usual.robots,
-        tuple(STYLES) if "all" in styles else styles or usual.styles,
+        tuple(name for name, style in STYLES.items() if not style.holds) if "all" in styles else styles or usual.styles,
     )
     folder = measured or (Path(os.environ[FOLDER]) if FOLDER in os.environ else None)
     listed = _chosen([*tasks(sizes, seed), *measured_tasks(folder, seed)], only)

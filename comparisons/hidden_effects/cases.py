@@ -12,6 +12,7 @@ from tempfile import mkdtemp
 
 import numpy as np
 from scipy.interpolate import CubicSpline
+from scipy.ndimage import label
 from scipy.signal import lfilter
 
 from comparisons.hidden_effects import foreign  # noqa: F401  (enters the foreign laws)
@@ -32,6 +33,9 @@ ROBOTS = {
 }
 PANDA_JOINTS = [f"panda_joint{k}" for k in range(1, 8)]
 WHOLE_ROBOT = ("payload", "base-tilt", "delay", "filter-lag")
+STANDS = 2e-3
+"""A joint that is slower [rad/s] stands."""
+
 CHANGES = ("payload", "drive-gain", "rotor-inertia", "current-offset")
 """Effects that a refitted baseline absorbs: they show against a model that was identified before the change."""
 
@@ -230,7 +234,10 @@ class Maker:
         """What laws see of a log of those paths, one after the other."""
         q, dq, ddq, t, start = _motion(paths, rate or self.style.rate)
         torque = self.robot.rigid_body.inverse_dynamics(q, dq, ddq, self.parameters)
-        known = torque + self.rotor * ddq + self.coulomb * sign(dq) + self.viscous * dq + self.offset
+        dry = sign(dq)
+        if self.style.holds:
+            dry = held(dry, dq, np.random.default_rng([self.seed, len(q), int(1e6 * np.abs(q[0]).sum())]))
+        known = torque + self.rotor * ddq + self.coulomb * dry + self.viscous * dq + self.offset
         return Scene(
             t, q, dq, ddq, torque, known, start, self.coulomb, self.viscous, self.robot.rigid_body, self.parameters
         )
@@ -258,6 +265,22 @@ class Maker:
         t = s.t + np.clip(style.jitter * rng.standard_normal(len(s.t)), -0.4, 0.4) / style.rate
         segment = np.cumsum(s.start).astype(np.int64) - 1
         return JointLog(t=t, q=seen, current=current, dq=speed, segment=segment, name=f"log_{number}")
+
+
+def held(dry: FloatArray, dq: FloatArray, rng: np.random.Generator) -> FloatArray:
+    """Dry friction (N, n) over its force in motion, with a level drawn anew for every rest of a joint.
+
+    Args:
+        dry: the same without.
+        dq: velocities (N, n) [rad/s].
+        rng: draws the levels.
+    """
+    holding = dry.copy()
+    for j in range(dry.shape[1]):
+        pieces, count = label(np.abs(dq[:, j]) < STANDS)
+        levels = rng.uniform(-1.0, 1.0, count + 1)
+        holding[:, j] = np.where(pieces > 0, levels[pieces], dry[:, j])
+    return holding
 
 
 def _motion(paths: Sequence[FloatArray], rate: float) -> tuple[FloatArray, ...]:

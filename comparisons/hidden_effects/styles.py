@@ -21,6 +21,7 @@ class Style:
         position_noise: standard deviation of the logged positions beyond their counts [rad].
         velocity_noise: that of logged velocities [rad/s]; None logs none.
         jitter: standard deviation of the time stamps, as a share of the sampling period.
+        holds: whether dry friction holds any current while a joint stands, as it does under a position loop.
     """
 
     pieces: tuple[tuple[str, float], ...] = (("fourier", 40.0), ("slow", 25.0), ("stop_and_go", 25.0))
@@ -28,6 +29,7 @@ class Style:
     position_noise: float = 0.0
     velocity_noise: float | None = None
     jitter: float = 0.0
+    holds: bool = False
 
 
 STYLES = {
@@ -39,6 +41,7 @@ STYLES = {
     "short": Style((("fourier", 15.0), ("slow", 10.0))),
     "stop-and-go": Style((("stop_and_go", 90.0),), rate=125.0),
     "noisy": Style(rate=200.0, position_noise=5e-5, velocity_noise=5e-3),
+    "sticks": Style((("stop_and_go", 45.0), ("fourier", 30.0)), rate=125.0, holds=True),
 }
 """What others' logs are like."""
 

@@ -12,6 +12,7 @@ import numpy as np
 
 from comparisons.hidden_effects.cases import CHANGES, WHOLE_ROBOT, Case, Hidden, robot_of
 from comparisons.hidden_effects.laws import FOREIGN, LAWS
+from comparisons.hidden_effects.styles import STYLES
 from comparisons.virtual_robot.figures import link_torque, usual_torque
 from ident.arrays import BoolArray
 
@@ -23,6 +24,10 @@ STRUCTURAL = tuple(name for name in LAWS if name not in CHANGES)
 OF_LOAD, CARRIES = ("backlash", "elasticity", "load-friction"), 0.1
 """Effects that act through a joint's load, and the share of its usual torque that the links must ask for: on a joint
 that carries nothing they reach a severity only if springs wind up by radians, or more load is lost than there is."""
+
+
+AT_REST = ("coulomb-asymmetry",)
+"""Effects that show only between rest and motion."""
 
 
 @dataclass(frozen=True)
@@ -96,6 +101,8 @@ def _singles(kind: str, effects: Sequence[str], sizes: Sizes, seed: int) -> Iter
             for severity in sizes.severities:
                 hidden = Hidden(effect, joint, severity)
                 style = sizes.styles[(first // 3 + number) % len(sizes.styles)]
+                if effect in AT_REST and STYLES[style].holds:
+                    continue  # what dry friction holds hides it
                 case = Case(robot, (hidden,), 1000 * seed + number, changed=effect in CHANGES, style=style)
                 yield Task(kind, case)
 

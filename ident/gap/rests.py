@@ -36,6 +36,9 @@ RESTS, MOVES = 0.02, 0.1
 STICKS = 9.0
 """A joint sticks if its mean square is this many times larger in rests than in motion, that motion being fitted."""
 
+TOGETHER = (0.5, 2.0)
+"""Where this share of the joints does, so many times will do for others: what they lack in motion hides their rests."""
+
 SHAKEN = 2.0
 """And larger by this many times what noise of the velocity makes of its dry friction there."""
 
@@ -106,17 +109,23 @@ def rests_of(model: CurrentModel, panel: Panel, survey: Survey, gaps: Sequence[J
     speed = np.minimum(STANDS, OF_MEAN * survey.pace)
     rests = panel.gather(lambda block: stands(block, speed))
     noise = np.minimum(shaken(model, panel, survey), survey.holds)
-    sticks = [_sticks(panel, survey, gap, rests[:, gap.joint], noise[:, gap.joint]) for gap in gaps]
+
+    def sticking(times: float) -> BoolArray:
+        return np.array([_sticks(panel, survey, g, rests[:, g.joint], noise[:, g.joint], times) for g in gaps])
+
+    sticks = sticking(STICKS)
+    if sticks.mean() >= TOGETHER[0]:
+        sticks = sticking(TOGETHER[1])
     return Rests(np.where(sticks, speed, 0.0), MOST * survey.holds)
 
 
-def _sticks(panel: Panel, survey: Survey, gap: JointGap, rest: BoolArray, noise: FloatArray) -> bool:
+def _sticks(panel: Panel, survey: Survey, gap: JointGap, rest: BoolArray, noise: FloatArray, times: float) -> bool:
     moves_everywhere = len(np.unique(panel.fold[~rest])) == len(np.unique(panel.fold))
     if rest.mean() < RESTS or rest.mean() > 1.0 - MOVES or not moves_everywhere:
         return False
     left = gap.without(rest).everywhere(panel)
     usual, held = float(np.mean(left[~rest] ** 2)), float(np.mean(left[rest] ** 2))
-    least = STICKS * usual + SHAKEN * float(np.mean(noise[rest] ** 2))
+    least = times * usual + SHAKEN * float(np.mean(noise[rest] ** 2))
     if not least <= held <= (HELD * survey.holds[gap.joint]) ** 2 + usual:
         return False
     if _rattles(panel.force[:, gap.joint], left, rest) or _hunts(panel, left, rest):

@@ -61,6 +61,12 @@ def test_an_effect_is_named_beside_rests_eight_times_the_noise(arm):
     assert found.evidence.moving[-1][1] < 1.1 * NOISE
 
 
+def test_what_a_joint_lacks_in_motion_does_not_hide_that_it_sticks(arm):
+    found = found_in(arm, hidden=lambda q, dq, stands: 0.9 * np.linspace(0.0, 1.0, len(q)))
+    assert found.rests == (0, 1)
+    assert [(one.effect, one.joints) for one in found.findings] == [("sensor-drift", (1,))]
+
+
 def test_rests_that_nothing_holds_count(arm):
     found = found_in(arm, held=0.0)
     assert found.rests == ()
