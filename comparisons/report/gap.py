@@ -114,7 +114,7 @@ def gap_report(found: GapReport, test: Sequence[LogSource], note: Provenance) ->
     report.section("Where the gap is")
     report.text(
         "RMS residual by joint and regime of motion on the train logs, over the joint's noise floor; one is noise. "
-        "Blank: hardly a row, or rows left out because noise hides which way the joint moves. "
+        "Blank: hardly a row, or rows left out because the joint sticks or noise hides which way it moves. "
         "Intervals come from a block bootstrap."
     )
     report.figure(_map(found), "Before (left) and after (right) what was found is added")
