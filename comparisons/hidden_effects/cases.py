@@ -33,6 +33,7 @@ ROBOTS = {
 }
 PANDA_JOINTS = [f"panda_joint{k}" for k in range(1, 8)]
 WHOLE_ROBOT = ("payload", "base-tilt", "delay", "filter-lag")
+
 STANDS = 2e-3
 """A joint that is slower [rad/s] stands."""
 
@@ -236,6 +237,7 @@ class Maker:
         torque = self.robot.rigid_body.inverse_dynamics(q, dq, ddq, self.parameters)
         dry = sign(dq)
         if self.style.holds:
+            # The same motion finds the same levels, whatever is hidden in it.
             dry = held(dry, dq, np.random.default_rng([self.seed, len(q), int(1e6 * np.abs(q[0]).sum())]))
         known = torque + self.rotor * ddq + self.coulomb * dry + self.viscous * dq + self.offset
         return Scene(

@@ -15,10 +15,9 @@ import numpy as np
 from ident.arrays import FloatArray
 from ident.effects.base import Effect, Survey
 from ident.gap.candidates import best_start, forms
-from ident.gap.edge import edge_columns
 from ident.gap.panel import Panel
 from ident.gap.problem import JointProblem
-from ident.gap.rows import panel_of, survey_of
+from ident.gap.rows import gap_of, held_of, panel_of, survey_of
 from ident.log import LogSource
 from ident.model import CurrentModel
 
@@ -82,15 +81,9 @@ def library(model: CurrentModel, train: Sequence[LogSource], refit: bool) -> Lib
 
 
 def _joint(model: CurrentModel, panel: Panel, survey: Survey, refit: bool, joint: int) -> JointLibrary:
-    own = [t for t in model.terms if t.effect.joint in (None, joint)]
-    target, matrix = panel.force[:, joint], edge_columns(panel, own, joint)
-    if refit:
-        matrix = np.hstack([*(panel.columns(t.effect, t.shape, joint) for t in own), matrix])
-    else:
-        target = target - sum((panel.columns(t.effect, t.shape, joint) @ t.coefficients for t in own), np.zeros(()))
-    problem = JointProblem(matrix, target, panel.fold, np.ones(len(panel), dtype=bool))
-    present = [t.effect for t in own] if refit else []
-    return JointLibrary(joint, problem, tuple(_candidates(panel, survey, problem, joint, present)))
+    gap = (gap_of if refit else held_of)(model, panel, joint)
+    problem = gap.problem(panel)
+    return JointLibrary(joint, problem, tuple(_candidates(panel, survey, problem, joint, gap.present)))
 
 
 def _candidates(

@@ -25,7 +25,6 @@ OF_LOAD, CARRIES = ("backlash", "elasticity", "load-friction"), 0.1
 """Effects that act through a joint's load, and the share of its usual torque that the links must ask for: on a joint
 that carries nothing they reach a severity only if springs wind up by radians, or more load is lost than there is."""
 
-
 AT_REST = ("coulomb-asymmetry",)
 """Effects that show only between rest and motion."""
 

@@ -88,7 +88,7 @@ def signals(panel: Panel, survey: Survey, joint: int) -> tuple[list[str], FloatA
     n, own = panel.robot.n, joint + 1
     q, dq = panel.gather(lambda b: b.motion.q), panel.velocity
     ddq = panel.gather(lambda b: b.motion.ddq)
-    load = np.concatenate([c.needed("load", "gap")[r] for c, r in zip(panel.contexts, panel.rows, strict=True)])
+    load = panel.seen("load")
     columns = [(f"q{k + 1}", q[:, k]) for k in range(n)] + [(f"dq{k + 1}", dq[:, k]) for k in range(n)]
     columns += [
         (f"sign(dq{own})", np.tanh(dq[:, joint] / survey.smoothing[joint])),

@@ -136,13 +136,9 @@ def _uneven(panel: Panel, problem: JointProblem, joint: int) -> tuple[str, float
 def _load_turns(panel: Panel, joint: int) -> BoolArray:
     """Rows (N,) about which a joint's load changes its sign."""
     around = max(1, round(AROUND / row_step(panel)))
-    found = []
-    for context, rows in zip(panel.contexts, panel.rows, strict=True):
-        side = np.sign(context.needed("load", "gap")[rows, joint])
-        turned = np.zeros(len(rows), dtype=bool)
-        turned[1:] = side[1:] != side[:-1]
-        found.append(binary_dilation(turned, iterations=around) if turned.any() else turned)
-    return np.concatenate(found)
+    sides = np.split(np.sign(panel.seen("load")[:, joint]), panel.start[1:])
+    turned = [np.diff(side, prepend=side[:1]) != 0 for side in sides]
+    return np.concatenate([binary_dilation(rows, iterations=around) if rows.any() else rows for rows in turned])
 
 
 def _remembered(panel: Panel, problem: JointProblem) -> float:

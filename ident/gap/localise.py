@@ -45,9 +45,7 @@ def regimes_of(panel: Panel, survey: Survey, joint: int) -> dict[str, BoolArray]
     """Which rows (N,) belong to each regime of a joint's motion; a row may belong to several."""
     dq = panel.velocity[:, joint]
     ddq = panel.gather(lambda b: b.motion.ddq)[:, joint]
-    load = np.concatenate([c.needed("load", "gap")[r] for c, r in zip(panel.contexts, panel.rows, strict=True)])[
-        :, joint
-    ]
+    load = panel.seen("load")[:, joint]
     t = panel.gather(lambda b: b.motion.t)
     speed, still = np.abs(dq), 2.0 * survey.smoothing[joint]
     usual = max(float(np.quantile(speed, 0.95)), 10.0 * still)

@@ -79,13 +79,12 @@ class Panel:
             self.gather(lambda b: b.motion.ddq),
         )
         first = self.contexts[0]
-        load, total = (
-            None
-            if getattr(first, what) is None
-            else np.concatenate([getattr(c, what)[rows] for c, rows in zip(self.contexts, self.rows, strict=True)])
-            for what in ("load", "total")
-        )
+        load, total = (None if getattr(first, what) is None else self.seen(what) for what in ("load", "total"))
         return Context(self.robot, motion, load, first.links, total)
+
+    def seen(self, what: str) -> FloatArray:
+        """Rows (N, n) of the ``load`` or ``total`` that effects see."""
+        return np.concatenate([c.needed(what, "gap")[r] for c, r in zip(self.contexts, self.rows, strict=True)])
 
     def gather(self, of: Callable[[Block], npt.NDArray[Scalar]]) -> npt.NDArray[Scalar]:
         """Rows (N, ...) of whatever can be told of a block."""

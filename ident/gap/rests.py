@@ -36,11 +36,12 @@ RESTS, MOVES = 0.02, 0.1
 STICKS = 9.0
 """A joint sticks if its mean square is this many times larger in rests than in motion, that motion being fitted."""
 
-TOGETHER = (0.5, 2.0)
-"""Where this share of the joints does, so many times will do for others: what they lack in motion hides their rests."""
-
 SHAKEN = 2.0
 """And larger by this many times what noise of the velocity makes of its dry friction there."""
+
+TOGETHER = (0.5, 2.0)
+"""Where this share of the joints sticks, so many times will do for the others: what they lack in motion hides their
+rests."""
 
 HELD = 1.3
 """What dry friction holds has an RMS of this many times its force in motion, at most."""
@@ -110,12 +111,12 @@ def rests_of(model: CurrentModel, panel: Panel, survey: Survey, gaps: Sequence[J
     rests = panel.gather(lambda block: stands(block, speed))
     noise = np.minimum(shaken(model, panel, survey), survey.holds)
 
-    def sticking(times: float) -> BoolArray:
-        return np.array([_sticks(panel, survey, g, rests[:, g.joint], noise[:, g.joint], times) for g in gaps])
+    def sticking(gap: JointGap, times: float) -> bool:
+        return _sticks(panel, survey, gap, rests[:, gap.joint], noise[:, gap.joint], times)
 
-    sticks = sticking(STICKS)
-    if sticks.mean() >= TOGETHER[0]:
-        sticks = sticking(TOGETHER[1])
+    sticks = [sticking(gap, STICKS) for gap in gaps]
+    if np.mean(sticks) >= TOGETHER[0]:
+        sticks = [one or sticking(gap, TOGETHER[1]) for one, gap in zip(sticks, gaps, strict=True)]
     return Rests(np.where(sticks, speed, 0.0), MOST * survey.holds)
 
 

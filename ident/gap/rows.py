@@ -39,7 +39,7 @@ def survey_of(model: CurrentModel, panel: Panel) -> Survey:
     """Facts about the logs that candidates are built from."""
     robot = model.robot
     speed = np.abs(panel.velocity)
-    total = np.concatenate([c.needed("total", "survey")[r] for c, r in zip(panel.contexts, panel.rows, strict=True)])
+    total = panel.seen("total")
     position = panel.gather(lambda block: block.motion.q)
     smoothing = np.full(robot.n, 5e-3)
     dry, viscous = np.zeros(robot.n), np.zeros(robot.n)
@@ -85,6 +85,19 @@ def gap_of(model: CurrentModel, panel: Panel, joint: int) -> JointGap:
     return JointGap(joint, np.hstack([*columns, edge]), panel.force[:, joint], everything, present, edge.shape[1])
 
 
+def held_of(model: CurrentModel, panel: Panel, joint: int) -> JointGap:
+    """A joint's rows as the model, held fixed, leaves them."""
+    own = [t for t in model.terms if t.effect.joint in (None, joint)]
+    edge = edge_columns(panel, own, joint)
+    forces = [panel.columns(t.effect, t.shape, joint) @ t.coefficients for t in own]
+    friction = [force for t, force in zip(own, forces, strict=True) if t.effect.family == "friction"]
+    everything = np.ones(len(panel), dtype=bool)
+    left = panel.force[:, joint] - np.sum(forces, axis=0)
+    return JointGap(
+        joint, edge, left, everything, (), edge.shape[1], np.column_stack(friction) if friction else None
+    )  # fmt: skip
+
+
 def _per_newton_metre(model: CurrentModel, panel: Panel) -> FloatArray:
     """Force units per N m: one where gains are known, else how the links' load compares with the URDF's."""
     robot = model.robot
@@ -93,7 +106,7 @@ def _per_newton_metre(model: CurrentModel, panel: Panel) -> FloatArray:
     ratio = np.ones(robot.n)
     urdf = [context.link_regressor @ robot.multibody.parameters for context in panel.contexts]
     nominal = np.concatenate([u[r] for u, r in zip(urdf, panel.rows, strict=True)])
-    load = np.concatenate([c.needed("load", "survey")[r] for c, r in zip(panel.contexts, panel.rows, strict=True)])
+    load = panel.seen("load")
     for j in range(robot.n):
         square = float(nominal[:, j] @ nominal[:, j])
         ratio[j] = float(nominal[:, j] @ load[:, j]) / square if square > 0 else 1.0

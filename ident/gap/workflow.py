@@ -19,7 +19,7 @@ from ident.gap.abstain import explainable
 from ident.gap.attribute import attribute, still_holding
 from ident.gap.belief import WORTH_SAYING, believed, unexplained
 from ident.gap.candidates import Trial, coefficients
-from ident.gap.edge import edge_columns, with_less_edge
+from ident.gap.edge import with_less_edge
 from ident.gap.evidence import evidence, negative_control
 from ident.gap.experiment import Experiment, Joined, Question, separating, with_motion
 from ident.gap.joint_gap import JointGap, Named
@@ -28,7 +28,7 @@ from ident.gap.panel import Panel
 from ident.gap.preflight import untestable
 from ident.gap.report import Finding, GapReport, Unexplained
 from ident.gap.rests import no_rests, rests_of
-from ident.gap.rows import gap_of, panel_of, survey_of
+from ident.gap.rows import gap_of, held_of, panel_of, survey_of
 from ident.gap.search import Search, search
 from ident.gap.settle import alternatives, next_experiment
 from ident.gap.touch import Touches, find_touches
@@ -259,29 +259,11 @@ class _Workflow:
 
     def gap(self, panel: Panel, joint: int) -> JointGap:
         """The joint's rows: the model's columns if it is refitted, else what it leaves; of one that sticks no rests."""
-        found = gap_of(self.model, panel, joint) if self.refit else self.held_fixed(panel, joint)
+        found = (gap_of if self.refit else held_of)(self.model, panel, joint)
         if joint not in self.rests.joints:
             return found
         # Without the rows in which the sign turns, nothing tells how it does.
         return found.bare().without(~panel.gather(self.rests.counts)[:, joint])
-
-    def held_fixed(self, panel: Panel, joint: int) -> JointGap:
-        """What the model leaves of a joint's rows."""
-        own = [t for t in self.model.terms if t.effect.joint in (None, joint)]
-        edge, left = edge_columns(panel, own, joint), panel.force[:, joint] - self.simulated(panel)[:, joint]
-        friction = [
-            panel.columns(t.effect, t.shape, joint) @ t.coefficients for t in own if t.effect.family == "friction"
-        ]
-        forces = np.column_stack(friction) if friction else None
-        return JointGap(joint, edge, left, np.ones(len(panel), dtype=bool), (), edge.shape[1], forces)
-
-    def simulated(self, panel: Panel) -> FloatArray:
-        """Force (N, n) that the model gives in a panel's rows."""
-        parts = [
-            self.model.force(block.motion, self.model.start())[rows]
-            for block, rows in zip(panel.blocks, panel.rows, strict=True)
-        ]
-        return np.concatenate(parts)
 
     def touches(self, gaps: Sequence[JointGap], named: Sequence[Sequence[Named]]) -> Touches | None:
         """Contact in what names leave, if there is any."""
