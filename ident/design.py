@@ -129,6 +129,10 @@ class Design:
         """Memories of the terms at the start of a segment."""
         return [term.effect.start() for term in self.terms]
 
+    def kept(self, block: Block, joint: int) -> BoolArray:
+        """Rows (N,) of a block that a joint learns from."""
+        return block.keep if self.counts is None else block.keep & self.counts(block)[:, joint]
+
     def rows(self, blocks: Iterable[Block]) -> Iterator[Rows]:
         """Yield the regression rows of the rows that each block keeps."""
         memories = self.start()

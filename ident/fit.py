@@ -84,7 +84,7 @@ def fit(
         robust: weight rows by Huber's function, against contacts and outliers (two more passes).
         progress: called with the share of the work done.
         shapes: shape parameters of each effect, which are then kept instead of searched.
-        counts: which joints' rows the linear parameters are fitted to; all where not given. Shapes are searched on all.
+        counts: which joints' rows are learnt from; all where not given.
     """
     tell = progress or (lambda share: None)
     held = collect(sources, cutoff)

@@ -3,58 +3,36 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any
 
-import numpy as np
 from threadpoolctl import threadpool_limits
 
-from ident.arrays import FloatArray
-from ident.base_parameters import rotor_shows
-from ident.cautions import gain_warnings, sign_warnings, still_joints, still_warnings
-from ident.drive_gain import GainEstimate, gains_from_payload, shared_gains
+from ident.cautions import gain_warnings, sign_warnings, still_warnings
+from ident.drive_gain import GainEstimate
 from ident.effects import load_catalogue
 from ident.effects.base import Effect
-from ident.effects.electrical import CurrentOffset
-from ident.effects.friction import SMOOTHING, Coulomb, VelocityEffect, Viscous
-from ident.effects.rigid_body import Links, RotorInertia
+from ident.effects.friction import VelocityEffect
 from ident.effects.transmission import CrossJointFriction
 from ident.errors import InputError
 from ident.feasible import Feasible, SolverFailure, feasible_parameters
-from ident.fit import Drives, Fit, fit
-from ident.log import JointLog, LogSource, concatenate
-from ident.model import NEWTON_METRE, CurrentModel
+from ident.fit import Fit, fit
+from ident.gap.rests import Rests, find_rests
+from ident.gap.smoothing import smoothed
+from ident.log import LogSource
+from ident.model import CurrentModel
 from ident.model_file import save_model
 from ident.parameters import Parameter, list_parameters
-from ident.payload import Payload
 from ident.robot import Robot
-from ident.signals import CutoffChoice, choose_cutoff, derivative_noise
+from ident.signals import CutoffChoice
+from ident.start import Gains, PayloadLogs, Start, start_of
 from ident.structure import Structure, choose_structure, coupled
 from ident.urdf_export import write_urdf
-from ident.walk import Block, collect
 
-Gains = Literal["known", "shared", "per-joint", "payload"]
 Progress = Callable[[str, float], None]
 
-CUTOFF_ROWS = 100_000
-"""Rows of each log from which the cut-off is chosen."""
-
-
 URDF = "identified.urdf"
-
-
-@dataclass(frozen=True, eq=False)
-class PayloadLogs:
-    """Logs of the robot carrying a known payload, which fix the scale of its drive gains.
-
-    Attributes:
-        payload: mass, centre of mass and the frame that carries it.
-        logs: of motion with it.
-    """
-
-    payload: Payload
-    logs: Sequence[LogSource]
 
 
 @dataclass(frozen=True, eq=False)
@@ -69,6 +47,7 @@ class Identification:
         cutoff: cut-off of the derivatives' filter and why.
         structure: which effects each joint got and what was tried; None where the caller named the effects.
         feasible: the nearest physically feasible parameters; None where there is no one body behind the rows.
+        rests: which joints stick, and when: what dry friction holds then was not fitted.
         warnings: what the user should look at, in sentences.
     """
 
@@ -79,6 +58,7 @@ class Identification:
     cutoff: CutoffChoice
     structure: Structure | None
     feasible: Feasible | None
+    rests: Rests
     warnings: tuple[str, ...]
 
     @property
@@ -108,6 +88,7 @@ class Identification:
                 str(j + 1): [t.effect.name for t in self.model.terms if t.effect.joint == j]
                 for j in range(self.model.n)
             },
+            "rests_left_out": [j + 1 for j in self.rests.joints],
             "warnings": list(self.warnings),
             **({"gain_interval": _gain_intervals(self.gain_estimate)} if self.gain_estimate is not None else {}),
             **({"feasible": _feasible_result(self.feasible)} if self.feasible is not None else {}),
@@ -144,8 +125,6 @@ def identify(
     Raises:
         InputError: no log, a log too short, a name that is no effect, or gains that the card does not know.
     """
-    if not train:
-        raise InputError("no log to identify from", "--train", "give at least one log")
     # The matrices are narrow: BLAS threads would only wait for one another.
     with threadpool_limits(1, "blas"):
         return _identify(robot, train, cutoff, gains, effects, robust, loaded, progress)
@@ -162,105 +141,70 @@ def _identify(
     progress: Progress | None,
 ) -> Identification:
     tell = progress or (lambda what, share: None)
-    chosen = CutoffChoice(cutoff, "given") if cutoff is not None else _choose_cutoff(train)
-    held = collect(train, chosen.hertz)
-    if not any(block.keep.any() for block in held):
-        where = ", ".join(source.name for source in train)
-        raise InputError(f"too short for a cut-off of {chosen.hertz:.3g} Hz", where, "give longer logs")
-    still = still_joints(held)
-    gains = gains or ("payload" if loaded is not None else "known" if robot.gain is not None else "per-joint")
-    drives, estimate = _drives(robot, gains, train, loaded, chosen.hertz)
-    smoothing = _smoothing(held, chosen.hertz)
-    baseline = _baseline(robot, gains, smoothing, still)
+    tell("looking for joints that stick", 0.0)
+    start, rests = _stuck(robot, start_of(robot, train, cutoff, gains, loaded), train)
+    hertz, drives = start.cutoff.hertz, start.drives
     structure: Structure | None = None
     if effects is None:
         tell("choosing friction terms", 0.0)
         structure = choose_structure(
-            robot, baseline, train, chosen.hertz, drives, lambda share: tell("choosing friction terms", share)
+            robot,
+            start.effects,
+            train,
+            hertz,
+            drives,
+            lambda share: tell("choosing friction terms", share),
+            rests.counts,
         )
         used: Sequence[Effect] = structure.effects
     else:
-        used = _named(robot, gains, effects, smoothing, still)
-    found = fit(robot, used, train, chosen.hertz, drives, robust, lambda share: tell("fitting", share))
-    feasible, trouble = _feasible(robot, found, gains)
-    warnings = [*sign_warnings(found.model, held), *still_warnings(robot, still), *gain_warnings(estimate), *trouble]
-    return Identification(found.model, found, gains, estimate, chosen, structure, feasible, tuple(warnings))
+        used = _named(robot, start, effects)
+    found = fit(robot, used, train, hertz, drives, robust, lambda share: tell("fitting", share), counts=rests.counts)
+    feasible, trouble = _feasible(robot, found, start.gains)
+    warnings = [
+        *sign_warnings(found.model, start.held),
+        *still_warnings(robot, start.still),
+        *gain_warnings(start.gain_estimate),
+        *trouble,
+    ]
+    return Identification(
+        found.model, found, start.gains, start.gain_estimate, start.cutoff, structure, feasible, rests, tuple(warnings)
+    )
 
 
-def _choose_cutoff(sources: Sequence[LogSource]) -> CutoffChoice:
-    heads: list[JointLog] = []
-    for source in sources:
-        rows = 0
-        for block in source.blocks(CUTOFF_ROWS):
-            heads.append(block)
-            rows += len(block)
-            if rows >= CUTOFF_ROWS:
-                break
-    if max(map(len, heads), default=0) < 2:
-        raise InputError("fewer than two rows", ", ".join(s.name for s in sources), "give longer logs")
-    return choose_cutoff(concatenate(heads))
+def _stuck(robot: Robot, start: Start, train: Sequence[LogSource]) -> tuple[Start, Rests]:
+    """The joints that stick; where any seems to, also a start whose signs of velocity turn as the logs ask for."""
+    plain = start.model(robot)
+    rests = find_rests(plain, train)
+    if not rests.joints:
+        return start, rests
+    # A sign that turns elsewhere than the joint's own looks like friction that holds.
+    effects = [term.effect for term in smoothed(plain, train, rests).model.terms]
+    smoothing = start.smoothing.copy()
+    for effect in effects:
+        if isinstance(effect, VelocityEffect):
+            smoothing[effect.at] = effect.smoothing
+    start = replace(start, effects=effects, smoothing=smoothing)
+    return start, find_rests(start.model(robot), train)
 
 
-def _drives(
-    robot: Robot, gains: Gains, train: Sequence[LogSource], loaded: PayloadLogs | None, cutoff: float
-) -> tuple[Drives, GainEstimate | None]:
-    if gains == "known":
-        if robot.gain is None:
-            raise InputError("the drive gains are not known", robot.name, "set [drive] gain, or leave --gains out")
-        return Drives(robot.gain, NEWTON_METRE), None
-    if gains == "payload":
-        if loaded is None:
-            raise InputError("no logs with a payload", "--gains payload", "give --payload-train and --payload-mass")
-        estimate = gains_from_payload(robot, train, loaded.logs, loaded.payload, cutoff, nominal=robot.gain)
-        return Drives(estimate.value, NEWTON_METRE), estimate
-    if gains == "shared":
-        estimate = shared_gains(robot, train, cutoff)
-        return Drives(estimate.value, f"relative {NEWTON_METRE}"), estimate
-    return Drives(np.ones(robot.n), robot.unit), None
-
-
-def _baseline(robot: Robot, gains: Gains, smoothing: FloatArray, still: Sequence[int]) -> list[Effect]:
-    """Links, and for every joint its rotor and offset, with Coulomb and viscous friction where it moves."""
-    effects: list[Effect] = [Links(j) for j in range(robot.n)] if gains == "per-joint" else [Links(None)]
-    for j in range(robot.n):
-        effects.append(CurrentOffset(j))
-        if j not in still:
-            # A row with link parameters of its own may have the rotor in them.
-            apart = gains != "per-joint" or rotor_shows(robot.rigid_body, j)
-            effects += [RotorInertia(j)] if apart else []
-            effects += [Coulomb(j, smoothing[j]), Viscous(j, smoothing[j])]
-    return effects
-
-
-def _named(
-    robot: Robot, gains: Gains, names: Sequence[str], smoothing: FloatArray, still: Sequence[int]
-) -> list[Effect]:
+def _named(robot: Robot, start: Start, names: Sequence[str]) -> list[Effect]:
     """Every joint's effects by name, in place of Coulomb and viscous friction."""
     catalogue = load_catalogue()
     for name in names:
         if name not in catalogue:
             raise InputError(f"no effect is named {name!r}", "--effects", f"choose from {', '.join(sorted(catalogue))}")
-    effects = [e for e in _baseline(robot, gains, smoothing, still) if not isinstance(e, VelocityEffect)]
+    effects = [e for e in start.effects if not isinstance(e, VelocityEffect)]
     present = {effect.name for effect in effects}
-    moving = [j for j in range(robot.n) if j not in still]
+    moving = [j for j in range(robot.n) if j not in start.still]
     for kind in [catalogue[name] for name in dict.fromkeys(names) if name not in present]:
         if kind is CrossJointFriction:
             effects += [CrossJointFriction(j, source) for j in moving for source in coupled(robot, j)]
         elif issubclass(kind, VelocityEffect):
-            effects += [kind(j, smoothing[j]) for j in moving]
+            effects += [kind(j, start.smoothing[j]) for j in moving]
         else:
             effects += [kind(j) for j in moving]
     return effects
-
-
-def _smoothing(held: Sequence[Block], cutoff: float) -> FloatArray:
-    """Speed (n,) over which each joint's sign of velocity turns: three standard deviations of the velocity's noise.
-
-    What the filter took from the position is taken for white noise; its derivative below the cut-off follows.
-    """
-    removed = np.concatenate([block.removed[block.keep] for block in held])
-    noise = derivative_noise(removed.std(axis=0), cutoff, held[0].log.rate)
-    return np.asarray(np.clip(3.0 * noise, 0.1 * SMOOTHING, SMOOTHING))
 
 
 def _feasible(robot: Robot, found: Fit, gains: Gains) -> tuple[Feasible | None, list[str]]:

@@ -111,15 +111,15 @@ class _Projection:
     ) -> _Projection:
         fixed = tuple(t for k, t in enumerate(design.terms) if k not in searched and t.effect.joint in (None, joint))
         rest = replace(design, terms=fixed)
-        matrix = np.vstack(
-            [rest.matrix(c, rest.start(), joint)[block.keep] for c, block in zip(contexts, blocks, strict=True)]
-        )
-        target = np.concatenate([block.log.current[block.keep, joint] for block in blocks]) * design.scale[joint]
+        keep = [design.kept(block, joint) for block in blocks]
+        matrix = np.vstack([rest.matrix(c, rest.start(), joint)[k] for c, k in zip(contexts, keep, strict=True)])
+        target = np.concatenate([block.log.current[k, joint] for block, k in zip(blocks, keep, strict=True)])
+        target = target * design.scale[joint]
         basis = orthonormal(matrix)
         terms = tuple(design.terms[k] for k in searched)
         lower = np.array([c.lower for t in terms for c in t.effect.coefficients(design.robot)])
         target = target - basis @ (basis.T @ target)
-        return _Projection(terms, contexts, [block.keep for block in blocks], basis, target, lower)
+        return _Projection(terms, contexts, keep, basis, target, lower)
 
     def split(self, shape: FloatArray) -> list[FloatArray]:
         return np.split(shape, np.cumsum([len(t.effect.shapes) for t in self.terms])[:-1])

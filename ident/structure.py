@@ -9,7 +9,7 @@ import numpy as np
 from joblib import Parallel, delayed
 
 from ident.arrays import BoolArray, FloatArray, IntArray
-from ident.design import Design
+from ident.design import Counts, Design
 from ident.effects.base import Context, Effect, initial_term
 from ident.effects.friction import CoulombAsymmetry, LoadFriction, Sigmoid, Stribeck, ViscousNonlinear
 from ident.effects.hysteresis import MaxwellSlip
@@ -74,12 +74,22 @@ def choose_structure(
     cutoff: float,
     drives: Drives,
     progress: Callable[[float], None] | None = None,
+    counts: Counts | None = None,
 ) -> Structure:
     """Add friction effects to a baseline, joint by joint, as long as held-out rows are predicted better.
 
     With three logs or more, logs are held out in turn, with fewer, parts of them. In each round every joint tries every
     candidate with all linear parameters refitted, and takes the best one if it lowers the held-out residual by more
     than ``GAIN`` on average and does not raise it on any fold. A joint that takes nothing is done.
+
+    Args:
+        robot: the robot.
+        baseline: effects to begin with.
+        sources: logs.
+        cutoff: cut-off [Hz] of the filter that derives velocity and acceleration.
+        drives: force unit per unit of current.
+        progress: called with the share of the work done.
+        counts: which joints' rows are learnt from and judged by; all where not given.
     """
     blocks = [_quiet(block, cutoff) for block in thin(collect(sources, cutoff, HELD_ROWS), SEARCH_ROWS)]
     if not any(block.keep.any() for block in blocks):
@@ -88,9 +98,11 @@ def choose_structure(
     effects = list(baseline)
     choices: list[Choice] = []
     open_joints = list(range(robot.n))
-    resting = _rest_share(blocks) > RESTS
+    plain = Design(robot, (), drives.gain, counts=counts)
+    resting = _rest_share(plain, blocks) > RESTS
     for number in range(ROUNDS):
-        fits = [_Held.of(robot, effects, fold, cutoff, drives) for fold in folds]
+        design = replace(plain, terms=tuple(initial_term(effect) for effect in effects))
+        fits = [_Held.of(design, fold, cutoff, drives) for fold in folds]
         grown = Parallel(n_jobs=-1, prefer="threads")(
             delayed(_grow)(robot, effects, j, fits, bool(resting[j])) for j in open_joints
         )
@@ -107,10 +119,12 @@ def choose_structure(
     return Structure(tuple(effects), tuple(choices), described)
 
 
-def _rest_share(blocks: Sequence[Block]) -> FloatArray:
-    """Share of the kept rows in which each joint stands still."""
-    speeds = np.concatenate([np.abs(block.motion.dq[block.keep]) for block in blocks])
-    share: FloatArray = np.mean(speeds < REST_SPEED, axis=0)
+def _rest_share(design: Design, blocks: Sequence[Block]) -> FloatArray:
+    """Share (n,) of each joint's rows in which it stands still."""
+    share = np.zeros(design.robot.n)
+    for j in range(design.robot.n):
+        speeds = np.concatenate([np.abs(block.motion.dq[design.kept(block, j), j]) for block in blocks])
+        share[j] = np.mean(speeds < REST_SPEED) if len(speeds) else 0.0
     return share
 
 
@@ -193,9 +207,8 @@ class _Held:
     held_out: list[Context]
 
     @staticmethod
-    def of(robot: Robot, effects: Sequence[Effect], fold: Fold, cutoff: float, drives: Drives) -> _Held:
+    def of(design: Design, fold: Fold, cutoff: float, drives: Drives) -> _Held:
         rate = fold.train[0].log.rate
-        design = Design(robot, tuple(initial_term(e) for e in effects), drives.gain)
         design = settle(design, fold.train, drives, cutoff, rate)
         factors = factorise(design, design.rows(fold.train))
         solution = solve(design, factors)
@@ -225,7 +238,8 @@ class _Held:
     ) -> Iterator[tuple[FloatArray, FloatArray]]:
         for block, context in zip(blocks, contexts, strict=True):
             matrix = design.matrix(context, design.start(), joint)
-            yield matrix[block.keep], block.log.current[block.keep, joint] * design.scale[joint]
+            keep = design.kept(block, joint)
+            yield matrix[keep], block.log.current[keep, joint] * design.scale[joint]
 
 
 def _grow(

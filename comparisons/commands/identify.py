@@ -70,6 +70,7 @@ def identify_into(
     from comparisons.predictions import errors_on, write_predictions
     from comparisons.report.identification import identification_report
     from comparisons.report.provenance import provenance
+    from ident.gap.evidence import evidence
     from ident.identification import PayloadLogs
     from ident.identification import identify as identify_model
     from ident.payload import Payload
@@ -89,10 +90,13 @@ def identify_into(
         errors = {"train": errors_on(found.model, logs, False, found.cutoff.hertz)}
         if held_out:
             errors["test"] = write_predictions(found.model, held_out, output.path, False, found.cutoff.hertz)
+        figures = {part: e.as_dict() for part, e in errors.items()}
+        if found.rests.joints:
+            for part, shown in {"train": logs, **({"test": held_out} if held_out else {})}.items():
+                figures[part]["rmse_moving"] = evidence([found.model], shown, found.rests).moving[0]
         progress("predicting", 1.0)
     found.write(output.path)
     note = provenance([*train, *(test or [])])
-    figures = {part: e.as_dict() for part, e in errors.items()}
     output.result({**found.result(), **figures, "provenance": note.to_dict()})
     report = identification_report(found, figures, logs, held_out, note)
     report.write(output.path / "report.html")

@@ -8,7 +8,7 @@ import numpy as np
 
 from comparisons.hidden_effects.laws import Scene, sign
 from ident.arrays import FloatArray
-from ident.gap.baseline import SMOOTHINGS
+from ident.gap.smoothing import SMOOTHINGS
 
 
 def unabsorbed(scenes: Sequence[Scene], forces: Sequence[FloatArray], joint: int) -> float:

@@ -11,6 +11,7 @@ import numpy as np
 from comparisons.report import style
 from comparisons.report.provenance import Provenance
 from comparisons.report.report import Report
+from comparisons.report.rests import sticking
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -236,11 +237,7 @@ def _open(report: Report, found: GapReport) -> None:
     else:
         report.text("Nothing that a flexible regressor could predict on stretches held out.")
     if found.rests:
-        joints = ", ".join(str(j + 1) for j in found.rests)
-        report.text(
-            f"Joints that stick: {joints}. Where they stand, dry friction holds whatever current the drive gives, and "
-            "nothing can be learnt from it: these rows were left out, but for the errors on test logs."
-        )
+        report.text(sticking(found.rests))
     report.section("What could not be tested")
     rows = [[u.effect, ", ".join(str(j + 1) for j in u.joints) or "all", u.reason] for u in found.untestable]
     if rows:

@@ -10,6 +10,7 @@ import numpy as np
 from comparisons.report import style
 from comparisons.report.provenance import Provenance
 from comparisons.report.report import Report
+from comparisons.report.rests import sticking
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -72,10 +73,13 @@ def _errors(report: Report, found: Identification, figures: Mapping[str, Mapping
         f"({found.cutoff.hertz:.3g} Hz): error and current both low-passed without lag, so that sensor noise does not "
         "count."
     )
-    keys = ("rmse", "relative_error_percent", "relative_error_percent_filtered")
+    keys = ["rmse", "relative_error_percent", "relative_error_percent_filtered"]
+    columns = ["joint", "name", f"RMSE [{unit}]", "relative error [%]", "below the cut-off [%]"]
+    if found.rests.joints:
+        report.text(sticking(found.rests.joints))
+        keys, columns = [*keys, "rmse_moving"], [*columns, f"RMSE in motion [{unit}]"]
     for part, values in reversed(list(figures.items())):
         rows = [[j + 1, name, *(values[key][j] for key in keys)] for j, name in enumerate(robot.joints)]
-        columns = ["joint", "name", f"RMSE [{unit}]", "relative error [%]", "below the cut-off [%]"]
         report.table(columns, rows, f"Errors on the {part} logs")
     usual = ("links", "rotor-inertia", "current-offset")
     chosen = [

@@ -10,7 +10,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.ndimage import binary_dilation, label
+from scipy.ndimage import binary_dilation, binary_opening, label
 
 from ident.arrays import BoolArray, FloatArray
 from ident.effects.base import Survey
@@ -18,9 +18,11 @@ from ident.gap.candidates import Trial, admissible, best_start, coefficients, fo
 from ident.gap.joint_gap import JointGap
 from ident.gap.panel import Panel
 from ident.gap.problem import JointProblem
+from ident.gap.rows import gap_of, panel_of, survey_of
 from ident.gap.spectrum import spectral_line
 from ident.gap.touch import row_step
 from ident.gap.unsure import shaken
+from ident.log import LogSource
 from ident.model import CurrentModel
 from ident.walk import Block
 
@@ -32,6 +34,9 @@ AROUND = 0.05
 
 RESTS, MOVES = 0.02, 0.1
 """Share of the rows that must be rests for them to be looked at, and motion for it to tell what is usual."""
+
+LASTS, MOSTLY = 0.1, 0.5
+"""A joint that sticks stands for so many seconds in this share of its slow rows; one that turns round does not."""
 
 STICKS = 9.0
 """A joint sticks if its mean square is this many times larger in rests than in motion, that motion being fitted."""
@@ -100,9 +105,27 @@ def stands(block: Block, speed: FloatArray) -> BoolArray:
     return np.asarray(binary_dilation(slow, around), dtype=bool)
 
 
+def lasts(block: Block, speed: FloatArray) -> BoolArray:
+    """Rows (N, n) of a block in which each joint is slower than a speed (n,) for long."""
+    long = np.ones((max(1, round(LASTS * block.log.rate)), 1), dtype=bool)
+    return np.asarray(binary_opening(np.abs(block.motion.dq) < speed, long), dtype=bool)
+
+
 def no_rests(n: int) -> Rests:
     """No joint sticks."""
     return Rests(np.zeros(n), np.zeros(n))
+
+
+def find_rests(model: CurrentModel, sources: Sequence[LogSource]) -> Rests:
+    """Find the joints that stick in logs, given a plain model of them.
+
+    Args:
+        model: links, rotors, offsets, Coulomb and viscous friction, fitted to the logs.
+        sources: the logs.
+    """
+    panel = panel_of(model, sources)
+    gaps = [gap_of(model, panel, j) for j in range(model.n)]
+    return rests_of(model, panel, survey_of(model, panel), gaps)
 
 
 def rests_of(model: CurrentModel, panel: Panel, survey: Survey, gaps: Sequence[JointGap]) -> Rests:
@@ -110,9 +133,11 @@ def rests_of(model: CurrentModel, panel: Panel, survey: Survey, gaps: Sequence[J
     speed = np.minimum(STANDS, OF_MEAN * survey.pace)
     rests = panel.gather(lambda block: stands(block, speed))
     noise = np.minimum(shaken(model, panel, survey), survey.holds)
+    slow = (np.abs(panel.velocity) < speed).sum(axis=0)
+    stops = panel.gather(lambda block: lasts(block, speed)).sum(axis=0) > MOSTLY * slow
 
     def sticking(gap: JointGap, times: float) -> bool:
-        return _sticks(panel, survey, gap, rests[:, gap.joint], noise[:, gap.joint], times)
+        return bool(stops[gap.joint]) and _sticks(panel, survey, gap, rests[:, gap.joint], noise[:, gap.joint], times)
 
     sticks = [sticking(gap, STICKS) for gap in gaps]
     if np.mean(sticks) >= TOGETHER[0]:

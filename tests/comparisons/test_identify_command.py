@@ -8,6 +8,7 @@ import pyarrow.parquet
 import pytest
 
 from comparisons import cli
+from comparisons.hidden_effects.cases import Case, make
 from comparisons.virtual_robot import simulate
 from ident.log_writer import write_log
 from ident.readers import open_log
@@ -242,3 +243,18 @@ def test_two_test_logs_of_one_name_are_refused(capsys, logs, tmp_path):
     (tmp_path / "test.csv").write_text((logs / "test.csv").read_text())
     words = ("--train", logs / "train.csv", "--test", logs / "test.csv", tmp_path / "test.csv")
     refused(call(capsys, "vs060", *words, "--out", tmp_path / "out", *EFFECTS), "two test logs are named test")
+
+
+def test_what_friction_holds_at_rest_is_left_out_and_said(capsys, tmp_path):
+    made = make(Case("vs060", (), 84, style="sticks"))
+    for log in (*made.train, *made.test):
+        write_log(log, tmp_path / f"{log.name}.csv")
+    train, out = [tmp_path / f"{log.name}.csv" for log in made.train], tmp_path / "out"
+    test = ("--test", tmp_path / f"{made.test[0].name}.csv")
+    assert call(capsys, "vs060", "--train", *train, *test, "--out", out, *EFFECTS)[0] == 0
+    result = json.loads((out / "result.json").read_text())
+    assert result["rests_left_out"] == [1, 2, 3, 4, 5, 6]
+    for part in ("train", "test"):
+        np.testing.assert_allclose(result[part]["rmse_moving"], made.noise, rtol=0.1)
+        assert np.all(np.array(result[part]["rmse"]) > 1.5 * made.noise)
+    assert "Joints that stick: 1, 2, 3, 4, 5, 6." in (out / "report.html").read_text()

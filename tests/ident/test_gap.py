@@ -12,7 +12,6 @@ from ident.effects import load_catalogue
 from ident.effects.friction import Coulomb
 from ident.fit import Drives, fit
 from ident.gap import baseline, baseline_model, belief, find_gap
-from ident.gap.baseline import EFFECTS
 from ident.gap.candidates import Trial, kind_of
 from ident.gap.edge import edge_columns, with_less_edge
 from ident.gap.experiment import Joined, Question, separating, with_motion
@@ -24,12 +23,14 @@ from ident.gap.rests import no_rests
 from ident.gap.rows import panel_of
 from ident.gap.search import Search
 from ident.gap.settle import next_experiment
+from ident.gap.smoothing import Smoothed
 from ident.gap.touch import find_touches
 from ident.gap.velocity_lag import velocity_lag
 from ident.identification import identify
 from ident.log import JointLog
 from ident.model_file import load_model, save_model
 
+PLAIN = ("coulomb", "viscous")
 RATE, NOISE = 100.0, 0.08
 
 
@@ -268,7 +269,7 @@ def test_rows_whose_sign_of_velocity_is_noise_are_left_out_and_names_stay(arm):
         return log.replace(q=log.q + 2e-4 * np.random.default_rng(seed).standard_normal(log.q.shape))
 
     train = [noisy(seed) for seed in (1, 2, 3)]
-    model = baseline_model(arm, train, cutoff=identify(arm, train, effects=EFFECTS).cutoff.hertz)
+    model = baseline_model(arm, train, cutoff=identify(arm, train, effects=PLAIN).cutoff.hertz)
     found = find_gap(model, train)
     left_out = np.isnan(found.residuals[0]).mean(axis=0)
     assert np.all((left_out > 0.02) & (left_out < 0.5))
@@ -283,7 +284,7 @@ def test_cut_off_is_the_one_that_predicts_best_unless_it_is_given(arm):
         return log.replace(q=np.round(log.q / 1e-3) * 1e-3)
 
     train = [counted(seed) for seed in (1, 2, 3)]
-    spectrum = identify(arm, train, effects=EFFECTS).cutoff.hertz
+    spectrum = identify(arm, train, effects=PLAIN).cutoff.hertz
     chosen = baseline_model(arm, train)
     given = baseline_model(arm, train, cutoff=spectrum)
     assert given.cutoff == spectrum
@@ -293,13 +294,13 @@ def test_cut_off_is_the_one_that_predicts_best_unless_it_is_given(arm):
 
 
 def test_the_cut_off_is_sought_beyond_a_worse_step(arm, monkeypatch):
-    model = replace(identify(arm, logs(arm, 1), effects=EFFECTS).model, cutoff=20.0)
+    model = replace(identify(arm, logs(arm, 1), effects=PLAIN).model, cutoff=20.0)
     errors = {20.0: 0.0, 14.0: 0.5, 9.8: -1.0, 6.86: -0.99, 4.8: -0.98}
 
     unused = baseline._Logs([], False, no_rests(2))
 
     def tried(model, logs):
-        return baseline._Smoothed(model, errors[round(model.cutoff, 2)], 100)
+        return Smoothed(model, errors[round(model.cutoff, 2)], 100)
 
     monkeypatch.setattr(baseline, "_best_velocities", tried)
     assert baseline._followed(tried(model, unused), 0.7, unused).model.cutoff == pytest.approx(9.8)

@@ -5,6 +5,8 @@ import pytest
 
 from ident.fit import Drives, fit
 from ident.gap import baseline_model, find_gap
+from ident.gap.evidence import evidence
+from ident.identification import identify
 from ident.log import JointLog
 
 RATE, NOISE, DRY = 100.0, 0.08, np.array([1.5, 0.8])
@@ -132,3 +134,47 @@ def test_rows_that_do_not_count_are_as_good_as_cut_out(arm):
     for one, other in zip(kept.model.terms, cut.model.terms, strict=True):
         np.testing.assert_allclose(one.coefficients, other.coefficients, rtol=0.02, atol=1e-3)
         np.testing.assert_allclose(one.std, other.std, rtol=0.2)
+
+
+def test_identify_learns_nothing_from_what_friction_holds(arm):
+    found = identify(arm, logs(arm))
+    assert found.rests.joints == (0, 1)
+    names = {term.effect.name for term in found.model.terms}
+    assert names.isdisjoint({"maxwell-slip", "sigmoid", "stribeck", "coulomb-asymmetry"})
+    force = [t.coefficients[0] for t in found.model.terms if t.effect.name == "coulomb"]
+    np.testing.assert_allclose(force, DRY, rtol=0.03)
+    (moving,) = evidence([found.model], [record(arm, 9)], found.rests).moving
+    np.testing.assert_allclose(moving, NOISE, rtol=0.05)
+
+
+def test_shapes_are_searched_without_what_friction_holds(arm):
+    train = logs(arm, hidden=lambda q, dq, stands: 0.5 * np.sign(dq[:, 1]) * np.exp(-((dq[:, 1] / 0.06) ** 2)))
+    found = identify(arm, train, effects=["coulomb", "viscous", "stribeck"])
+    assert found.rests.joints == (0, 1)
+    (one,) = (term for term in found.model.terms if term.effect.name == "stribeck" and term.effect.joint == 1)
+    assert one.coefficients[0] == pytest.approx(0.5, rel=0.1)
+    assert one.shape[0] == pytest.approx(0.06, rel=0.15)
+
+
+def test_a_sign_that_turns_slowly_is_no_friction_that_holds(arm):
+    # Moves without stops: whatever the sign of velocity does not tell there belongs to how it turns.
+    def slowly(q, dq, stands):
+        return DRY[1] * (np.tanh(dq[:, 1] / 1e-2) - np.tanh(dq[:, 1] / 2e-3))
+
+    assert identify(arm, logs(arm, held=0.0, hidden=slowly), effects=["coulomb", "viscous"]).rests.joints == ()
+
+
+def test_a_joint_that_turns_round_does_not_stick(arm):
+    def turning(seed):
+        rng = np.random.default_rng(seed)
+        t = np.arange(6000) / RATE
+        w, phase = 2 * np.pi * np.array([0.1, 0.14]), rng.uniform(0, 6, 2)
+        q, dq, ddq = (0.5 * w**k * np.sin(w * t[:, None] + phase + 0.5 * k * np.pi) for k in range(3))
+        torque = arm.rigid_body.inverse_dynamics(q, dq, ddq, np.tile(arm.multibody.parameters, (2, 1)))
+        turn = np.floor((w * t[:, None] + phase) / np.pi).astype(int)  # one level a turn
+        levels = rng.uniform(-1.0, 1.0, (turn.max() + 1, 2))
+        held = np.take_along_axis(levels, turn, axis=0)
+        friction = DRY * np.where(np.abs(dq) < 1.5e-2, held, np.sign(dq))
+        return JointLog(t=t, q=q, current=torque + friction + NOISE * rng.standard_normal(q.shape), name=f"log{seed}")
+
+    assert identify(arm, [turning(seed) for seed in (1, 2, 3)], effects=["coulomb"]).rests.joints == ()
