@@ -1,18 +1,28 @@
-"""What the user of an identification should look at: joints that stand still, flipped signs, gains left open."""
+"""What the user of a model should look at: joints that stand still, flipped signs, open gains, logs that go further."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
 
 import numpy as np
 
+from ident.arrays import FloatArray
 from ident.drive_gain import GainEstimate
+from ident.effects.electrical import CurrentOffset
+from ident.log import LogSource
 from ident.model import CurrentModel
 from ident.robot import Robot
-from ident.walk import Block
+from ident.walk import Block, walk
 
 NEVER_MOVES = 2e-3
 """A joint that stays within this [rad or m] teaches nothing of its own friction."""
+
+FURTHER, ROWS = 0.1, 0.05
+"""Logs go further than others if this share of their rows is this share of the others' range beyond it."""
+
+SPARSE = 10
+"""Of so many rows one is looked at."""
 
 
 def still_joints(held: Sequence[Block]) -> list[int]:
@@ -43,11 +53,50 @@ def gain_warnings(estimate: GainEstimate | None) -> list[str]:
 def sign_warnings(model: CurrentModel, held: Sequence[Block]) -> list[str]:
     """Name joints whose friction would drive the motion: the sign of their current or position is flipped."""
     power = np.zeros(model.n)
+    # An offset is no friction: where a log ends elsewhere than it began, it works.
+    plain = replace(model, terms=tuple(t for t in model.terms if not isinstance(t.effect, CurrentOffset)))
     for block in held:
-        friction = model.friction(block.motion)
+        friction = plain.friction(block.motion)
         power += np.sum((friction * block.motion.dq)[block.keep], axis=0)
     return [
         f"Joint {j + 1} ({model.robot.joints[j]}): friction would drive the motion; the sign of its current is "
         "probably flipped. Give the card a scale of -1 for it: [log] scale = { current = [...] }."
         for j in np.flatnonzero(power < 0)
     ]
+
+
+def reach_warnings(robot: Robot, train: Sequence[LogSource], test: Sequence[LogSource], cutoff: float) -> list[str]:
+    """Say which joints go further or faster in test logs than in any train log: there a model extrapolates.
+
+    Args:
+        robot: the robot.
+        train: logs that were learnt from.
+        test: logs that are predicted.
+        cutoff: cut-off [Hz] of the filter that derives velocity.
+    """
+    reached, asked = [[*_places_and_speeds(logs, cutoff)] for logs in (train, test)]
+    if not reached or not asked:
+        return []
+    low, high = np.min([x.min(axis=0) for x in reached], axis=0), np.max([x.max(axis=0) for x in reached], axis=0)
+    low[1] = 0.0
+    margin = FURTHER * (high - low)
+    share = np.mean([(x < low - margin) | (x > high + margin) for x in np.concatenate(asked)], axis=0)
+    further = []
+    for j in range(robot.n):
+        unit = "m" if robot.multibody.prismatic[j] else "rad"
+        known = (f"beyond {low[0, j]:.3g} to {high[0, j]:.3g} {unit}", f"faster than {high[1, j]:.3g} {unit}/s")
+        parts = [f"{words} in {100 * share[k, j]:.0f} %" for k, words in enumerate(known) if share[k, j] > ROWS]
+        if parts:
+            further.append(f"joint {j + 1} ({robot.joints[j]}) {' and '.join(parts)} of the rows")
+    if not further:
+        return []
+    return [f"The test logs go further than the train logs, so that the model extrapolates: {'; '.join(further)}."]
+
+
+def _places_and_speeds(sources: Sequence[LogSource], cutoff: float) -> Iterator[FloatArray]:
+    """Yield positions and speeds (N, 2, n) of the rows of logs that can be learnt from, one in SPARSE."""
+    for source in sources:
+        for block in walk(source, cutoff):
+            rows = np.flatnonzero(block.keep)[::SPARSE]
+            if len(rows):
+                yield np.stack([block.motion.q[rows], np.abs(block.motion.dq[rows])], axis=1)

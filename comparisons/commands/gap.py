@@ -48,6 +48,8 @@ def gap(
         found = gap_into(output, robot, train, test, model, cutoff)
     from comparisons.report.gap import sentence
 
+    for warning in found.warnings:
+        print(f"warning: {warning}")
     for finding in found.findings:
         print(sentence(found, finding))
     if not found.findings:
@@ -158,4 +160,5 @@ def gap_result(found: GapReport) -> dict[str, Any]:
         "rests_left_out": [j + 1 for j in found.rests],
         "rmse_moving": {"before": found.evidence.moving[0], "after": found.evidence.moving[-1]},
         "noise_floor": found.noise_floor,
+        "warnings": list(found.warnings),
     }

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
@@ -70,6 +71,7 @@ def identify_into(
     from comparisons.predictions import errors_on, write_predictions
     from comparisons.report.identification import identification_report
     from comparisons.report.provenance import provenance
+    from ident.cautions import reach_warnings
     from ident.gap.evidence import evidence
     from ident.identification import PayloadLogs
     from ident.identification import identify as identify_model
@@ -94,6 +96,8 @@ def identify_into(
         if found.rests.joints:
             for part, shown in {"train": logs, **({"test": held_out} if held_out else {})}.items():
                 figures[part]["rmse_moving"] = evidence([found.model], shown, found.rests).moving[0]
+        further = reach_warnings(loaded, logs, held_out, found.cutoff.hertz)
+        found = replace(found, warnings=(*found.warnings, *further))
         progress("predicting", 1.0)
     found.write(output.path)
     note = provenance([*train, *(test or [])])

@@ -101,6 +101,10 @@ def gap_report(found: GapReport, test: Sequence[LogSource], note: Provenance) ->
         f"Named: {names}. Mean error on the test logs {before.mean():.3g} {unit} before, {after.mean():.3g} after."
     )
     report = Report(f"The gap between simulation and measurement of {robot.name}", summary)
+    if found.warnings:
+        report.section("Warnings")
+    for warning in found.warnings:
+        report.text(warning)
     report.section("Findings")
     if not found.findings:
         report.text("No effect of the catalogue passes the gate on these logs.")

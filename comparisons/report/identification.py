@@ -45,7 +45,8 @@ def identification_report(
     part = "test" if "test" in figures else "train"
     overall = figures[part]["relative_error_percent_overall"]
     robot = found.model.robot
-    summary = f"The model leaves {overall:.1f} % of the measured current unexplained on the {part} logs."
+    held = ", with what friction holds in joints that stick" if found.rests.joints else ""
+    summary = f"The model leaves {overall:.1f} % of the measured current unexplained on the {part} logs{held}."
     report = Report(f"Identification of {robot.name}", summary)
     if found.warnings:
         report.section("Warnings")

@@ -76,6 +76,7 @@ class GapReport:
         p_values: chance (n,), over all joints, of so good a first candidate on each joint where there is nothing.
         evidence: errors on the test logs, finding by finding; None where there are no test logs.
         rests: joints, from 0, that stick: their rests were left out, but for the errors on test logs.
+        warnings: what the user should look at, in sentences.
     """
 
     before: CurrentModel
@@ -91,6 +92,7 @@ class GapReport:
     p_values: FloatArray = field(repr=False)
     evidence: Evidence | None = None
     rests: tuple[int, ...] = ()
+    warnings: tuple[str, ...] = ()
 
     @property
     def noise_floor(self) -> FloatArray:

@@ -12,6 +12,7 @@ from joblib import Parallel, delayed
 from threadpoolctl import threadpool_limits
 
 from ident.arrays import BoolArray, FloatArray
+from ident.cautions import reach_warnings, sign_warnings, still_joints, still_warnings
 from ident.effects.base import Effect, Term
 from ident.errors import InputError
 from ident.fit import Drives, fit
@@ -316,7 +317,17 @@ class _Workflow:
         return GapReport(
             self.start, model, tuple(findings), tuple(nameless), tuple(missing), maps[0], maps[1],
             self.panel, self.survey, (before, after), causes.p_values, shown, self.rests.joints,
+            self.warnings(),
         )  # fmt: skip
+
+    def warnings(self) -> tuple[str, ...]:
+        """What the user should look at: joints that stand still, flipped signs, test logs that go further."""
+        robot, held = self.model.robot, self.panel.blocks
+        return (
+            *sign_warnings(self.start, held),
+            *still_warnings(robot, still_joints(held)),
+            *reach_warnings(robot, self.train, self.test, self.model.cutoff),
+        )
 
     def plain(self, gap: JointGap) -> JointGap:
         """The joint's rows before causes of the whole robot were taken away."""

@@ -83,6 +83,21 @@ def test_result_is_as_the_contract_says(done):
     assert first["rmse_after"][0] < 0.8 * first["rmse_before"][0]
     assert (first["next_experiment"] is None) == (first["alternatives"] == [])
     assert all({"effect", "reason"} <= set(one) for one in result["untestable"])
+    assert result["warnings"] == []
+
+
+def test_logs_that_go_further_and_flipped_signs_are_warned_of(robot, logs, tmp_path, capsys):
+    crank = load_robot(robot)
+    for name, size in (("train_1", 0.4), ("train_2", 0.4), ("test", 1.0)):
+        log = open_log(logs / f"{name}.csv", crank).read()
+        write_log(log.replace(q=log.q * size, current=-log.current), tmp_path / f"{name}.csv")
+    train, test = [tmp_path / f"train_{k}.csv" for k in (1, 2)], tmp_path / "test.csv"
+    status, out, _ = call(capsys, robot, "--train", *train, "--test", test, "--out", tmp_path / "out")
+    assert status == 0
+    assert "warning: Joint 1 (a): friction would drive the motion" in out
+    assert "warning: The test logs go further than the train logs" in out
+    assert len(json.loads((tmp_path / "out" / "result.json").read_text())["warnings"]) == 2
+    assert "go further than the train logs" in (tmp_path / "out" / "report.html").read_text()
 
 
 def test_figures_are_those_of_the_predictions(done, robot, logs):

@@ -258,3 +258,15 @@ def test_what_friction_holds_at_rest_is_left_out_and_said(capsys, tmp_path):
         np.testing.assert_allclose(result[part]["rmse_moving"], made.noise, rtol=0.1)
         assert np.all(np.array(result[part]["rmse"]) > 1.5 * made.noise)
     assert "Joints that stick: 1, 2, 3, 4, 5, 6." in (out / "report.html").read_text()
+
+
+def test_a_test_log_that_goes_further_than_the_train_log_is_said(capsys, robot, logs, tmp_path):
+    log = open_log(logs / "train.csv", robot).read()
+    write_log(log.replace(q=log.q * np.array([1.0, 0.3, 1.0, 1.0, 1.0, 1.0])), tmp_path / "near.csv")
+    words = ("--train", tmp_path / "near.csv", "--test", logs / "test.csv", "--out", tmp_path / "out", *EFFECTS)
+    status, out, _ = call(capsys, "vs060", *words)
+    assert status == 0
+    assert "so that the model extrapolates: joint" in out
+    assert "joint 2 (joint_2) beyond" in out
+    assert json.loads((tmp_path / "out" / "result.json").read_text())["warnings"] != []
+    assert "joint 2 (joint_2) beyond" in (tmp_path / "out" / "report.html").read_text()
