@@ -7,14 +7,14 @@ given such rows bend to them. They are left out, unless something that the model
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.ndimage import binary_dilation, binary_opening, label
 
 from ident.arrays import BoolArray, FloatArray
 from ident.effects.base import Survey
-from ident.gap.candidates import Trial, admissible, best_start, coefficients, forms
+from ident.gap.candidates import Trial, admissible, best_start, coefficients, forms, refine
 from ident.gap.joint_gap import JointGap
 from ident.gap.panel import Panel
 from ident.gap.problem import JointProblem
@@ -29,8 +29,8 @@ from ident.walk import Block
 STANDS, OF_MEAN = 5e-3, 0.05
 """A joint slower than this [rad/s or m/s], and than this share of its mean speed, stands."""
 
-AROUND = 0.05
-"""Seconds around a rest that go with it: derived velocities are smoothed."""
+AROUND = 1.0
+"""Periods of the cut-off around a rest that go with it: derived velocities are smoothed, and turn too early or late."""
 
 RESTS, MOVES = 0.02, 0.1
 """Share of the rows that must be rests for them to be looked at, and motion for it to tell what is usual."""
@@ -44,7 +44,7 @@ STICKS = 9.0
 SHAKEN = 2.0
 """And larger by this many times what noise of the velocity makes of its dry friction there."""
 
-TOGETHER = (0.5, 2.0)
+TOGETHER = (0.3, 2.0)
 """Where this share of the joints sticks, so many times will do for the others: what they lack in motion hides their
 rests."""
 
@@ -60,7 +60,7 @@ RATTLES, QUIETER = 2.0, 0.25
 SWINGS, HUNTS = 0.7, 0.15
 """Where a drive hunts, share of what rests hold that is not the mean of each, and share of that in one line."""
 
-EXPLAINED = 0.75
+EXPLAINED = 0.9
 """Share of the rests' squares that an effect must explain for them to tell of it."""
 
 SLIP = 5e-5
@@ -75,34 +75,46 @@ class Rests:
     """Which joints stick, and when.
 
     Attributes:
-        speed: speed (n,) below which a joint that sticks is held by its dry friction; nought for others.
+        sticks: joints (n,) whose dry friction holds them while they stand.
+        may: joints (n,) that stand and move enough for that to be asked.
+        slow: speed (n,) below which a joint stands.
         most: force (n,) that its dry friction holds at most.
+        around: seconds around a rest that go with it.
     """
 
-    speed: FloatArray
+    sticks: BoolArray
+    may: BoolArray
+    slow: FloatArray
     most: FloatArray
+    around: float
 
     @property
     def joints(self) -> tuple[int, ...]:
         """Joints, from 0, whose rests are left out."""
-        return tuple(np.flatnonzero(self.speed > 0.0).tolist())
+        return tuple(np.flatnonzero(self.sticks).tolist())
+
+    def also(self, joints: Sequence[int]) -> Rests:
+        """The same with those of further joints, from 0, that may stick."""
+        sticks = self.sticks.copy()
+        sticks[list(joints)] = True
+        return replace(self, sticks=sticks & self.may)
 
     def counts(self, block: Block) -> BoolArray:
         """Whether each joint's row of a block (N, n) counts."""
-        return ~stands(block, self.speed)
+        return ~stands(block, np.where(self.sticks, self.slow, 0.0), self.around)
 
     def beyond(self, joint: int, left: FloatArray) -> FloatArray:
         """The part of a resting joint's residuals (M,) that its dry friction cannot hold."""
         return np.asarray(np.sign(left) * np.maximum(np.abs(left) - self.most[joint], 0.0))
 
 
-def stands(block: Block, speed: FloatArray) -> BoolArray:
-    """Rows (N, n) of a block in or about which each joint is slower than a speed (n,); not where that is not known."""
+def stands(block: Block, speed: FloatArray, around: float) -> BoolArray:
+    """Rows (N, n) of a block in which, or within seconds of which, each joint is slower than a speed (n,)."""
     slow = np.abs(block.motion.dq) < speed
     if not slow.any():
         return slow
-    around = np.ones((2 * max(1, round(AROUND * block.log.rate)) + 1, 1), dtype=bool)
-    return np.asarray(binary_dilation(slow, around), dtype=bool)
+    width = 2 * max(1, round(around * block.log.rate)) + 1
+    return np.asarray(binary_dilation(slow, np.ones((width, 1), dtype=bool)), dtype=bool)
 
 
 def lasts(block: Block, speed: FloatArray) -> BoolArray:
@@ -113,7 +125,8 @@ def lasts(block: Block, speed: FloatArray) -> BoolArray:
 
 def no_rests(n: int) -> Rests:
     """No joint sticks."""
-    return Rests(np.zeros(n), np.zeros(n))
+    nobody = np.zeros(n, dtype=bool)
+    return Rests(nobody, nobody, np.zeros(n), np.zeros(n), 0.0)
 
 
 def find_rests(model: CurrentModel, sources: Sequence[LogSource]) -> Rests:
@@ -131,24 +144,28 @@ def find_rests(model: CurrentModel, sources: Sequence[LogSource]) -> Rests:
 def rests_of(model: CurrentModel, panel: Panel, survey: Survey, gaps: Sequence[JointGap]) -> Rests:
     """Find the joints that stick, given the model and every joint's rows."""
     speed = np.minimum(STANDS, OF_MEAN * survey.pace)
-    rests = panel.gather(lambda block: stands(block, speed))
+    around = AROUND / model.cutoff
+    rests = panel.gather(lambda block: stands(block, speed, around))
     noise = np.minimum(shaken(model, panel, survey), survey.holds)
-    slow = (np.abs(panel.velocity) < speed).sum(axis=0)
-    stops = panel.gather(lambda block: lasts(block, speed)).sum(axis=0) > MOSTLY * slow
+    lasting = panel.gather(lambda block: lasts(block, speed)).sum(axis=0)
+    stops = lasting > MOSTLY * (np.abs(panel.velocity) < speed).sum(axis=0)
+    may = stops & np.array([_rests_and_moves(panel, rests[:, j]) for j in range(model.n)])
 
     def sticking(gap: JointGap, times: float) -> bool:
-        return bool(stops[gap.joint]) and _sticks(panel, survey, gap, rests[:, gap.joint], noise[:, gap.joint], times)
+        return bool(may[gap.joint]) and _sticks(panel, survey, gap, rests[:, gap.joint], noise[:, gap.joint], times)
 
     sticks = [sticking(gap, STICKS) for gap in gaps]
     if np.mean(sticks) >= TOGETHER[0]:
         sticks = [one or sticking(gap, TOGETHER[1]) for one, gap in zip(sticks, gaps, strict=True)]
-    return Rests(np.where(sticks, speed, 0.0), MOST * survey.holds)
+    return Rests(np.array(sticks), may, speed, MOST * survey.holds, around)
+
+
+def _rests_and_moves(panel: Panel, rest: BoolArray) -> bool:
+    moves_everywhere = len(np.unique(panel.fold[~rest])) == len(np.unique(panel.fold))
+    return bool(RESTS <= rest.mean() <= 1.0 - MOVES and moves_everywhere)
 
 
 def _sticks(panel: Panel, survey: Survey, gap: JointGap, rest: BoolArray, noise: FloatArray, times: float) -> bool:
-    moves_everywhere = len(np.unique(panel.fold[~rest])) == len(np.unique(panel.fold))
-    if rest.mean() < RESTS or rest.mean() > 1.0 - MOVES or not moves_everywhere:
-        return False
     left = gap.without(rest).everywhere(panel)
     usual, held = float(np.mean(left[~rest] ** 2)), float(np.mean(left[rest] ** 2))
     least = times * usual + SHAKEN * float(np.mean(noise[rest] ** 2))
@@ -201,12 +218,15 @@ def _told(panel: Panel, survey: Survey, gap: JointGap, rest: BoolArray, usual: f
         if effect.family in TELLING:
             start = best_start(panel, problem, effect, gap.joint)
             columns = admissible(panel, problem, effect, start.shape, gap.joint)
-            if np.mean(problem.left(columns)[rest] ** 2) < least and not _slipless(panel, problem, start, gap.joint):
-                return True
+            if np.mean(problem.left(columns)[rest] ** 2) < least:
+                # The shortest displacement that is begun with is no shortest yet.
+                found = refine(panel, problem, start, gap.joint) if effect.family == "hysteresis" else start
+                if not slipless(panel, problem, found, gap.joint):
+                    return True
     return False
 
 
-def _slipless(panel: Panel, problem: JointProblem, trial: Trial, joint: int) -> bool:
+def slipless(panel: Panel, problem: JointProblem, trial: Trial, joint: int) -> bool:
     """Whether an effect remembers over no displacement to speak of: then it is dry friction that sticks."""
     found = trial.effect.summary(panel.robot, trial.shape, coefficients(panel, problem, trial, joint))
     return float(np.sum(found.get("slip", np.inf))) < SLIP

@@ -28,7 +28,7 @@ from ident.gap.localise import gap_map
 from ident.gap.panel import Panel
 from ident.gap.preflight import untestable
 from ident.gap.report import Finding, GapReport, Unexplained
-from ident.gap.rests import no_rests, rests_of
+from ident.gap.rests import Rests, no_rests, rests_of, slipless
 from ident.gap.rows import gap_of, held_of, panel_of, survey_of
 from ident.gap.search import Search, search
 from ident.gap.settle import alternatives, next_experiment
@@ -116,6 +116,8 @@ class _Workflow:
         contacts: list[Touches] = []
         while True:
             causes = self.name(~self.unsure())
+            if self.leave_out(self.stuck(causes)):
+                continue
             found = self.touches(causes.gaps, causes.named) if len(contacts) < ROUNDS else None
             if found is None:
                 return self.report(causes, contacts)
@@ -127,7 +129,9 @@ class _Workflow:
         """Steps 1 and 2: the model, fitted again unless it is held fixed, and the rows that it is held against."""
         self.rests = no_rests(self.model.n)
         self.see()
-        self.rests = rests_of(self.model, self.panel, self.survey, self.gaps)
+        # Also of a model that is held fixed: what has changed would hide what is held.
+        fitted = [gap_of(self.model, self.panel, j) for j in range(self.model.n)]
+        self.rests = rests_of(self.model, self.panel, self.survey, fitted)
         if self.rests.joints:
             self.see()
 
@@ -170,6 +174,24 @@ class _Workflow:
         self.tell("trying effects", 1.0)
         gaps, sure, doubted = map(list, zip(*map(self.judged, named), strict=True))
         return _Causes(wholes, gaps, sure, doubted, p_values)
+
+    def leave_out(self, joints: Sequence[int]) -> bool:
+        """Look without the rests of these joints, too; whether that is any other."""
+        rests: Rests = self.rests.also(joints)
+        more = rests.joints != self.rests.joints
+        if more:
+            self.rests = rests
+            self.see()
+        return more
+
+    def stuck(self, causes: _Causes) -> list[int]:
+        """Joints that are given friction with a memory of no displacement: that is dry friction that sticks."""
+        return [
+            gap.joint
+            for gap, *all_names in zip(causes.gaps, causes.named, causes.doubted, strict=True)
+            for trial in [one.trial for one in chain(*all_names)]
+            if trial.effect.family == "hysteresis" and slipless(self.panel, gap.problem(self.panel), trial, gap.joint)
+        ]
 
     def judged(self, last: Search) -> tuple[JointGap, list[Named], list[Named]]:
         """A joint's rows, the names that are believed, and those that explain what is left but are not."""
