@@ -125,10 +125,14 @@ def _uneven(panel: Panel, problem: JointProblem, joint: int) -> tuple[str, float
     squares = problem.residual**2
     slow = classes_of(panel, problem, joint) < MOVING
     turns = _load_turns(panel, joint)[problem.keep]
-    for rows, seen, signal in ((slow, SEEN, f"|dq{joint + 1}|"), (turns, TURNS_SEEN, f"load{joint + 1}")):
-        few = min(rows.mean(), 1.0 - rows.mean())
-        if few >= seen and squares[rows].mean() >= RESTLESS * squares[~rows].mean():
-            excess = rows.sum() * (squares[rows].mean() - squares[~rows].mean())
+    everything = np.ones(len(squares), dtype=bool)
+    # Where a joint's load is nought unless it moves, the load turns as the joint rests.
+    asked = ((slow, everything, SEEN, f"|dq{joint + 1}|"), (turns, ~slow, TURNS_SEEN, f"load{joint + 1}"))
+    for rows, among, seen, signal in asked:
+        there, elsewhere = squares[rows & among], squares[~rows & among]
+        shown = min(len(there), len(elsewhere)) >= max(seen * len(squares), 1.0)
+        if shown and there.mean() >= RESTLESS * elsewhere.mean():
+            excess = len(there) * (there.mean() - elsewhere.mean())
             return signal, float(excess / max(squares.sum(), 1e-300))
     return None
 
