@@ -6,6 +6,7 @@ import pytest
 from ident.fit import Drives, fit
 from ident.gap import baseline_model, find_gap
 from ident.gap.evidence import evidence
+from ident.gap.rests import Rests
 from ident.identification import identify
 from ident.log import JointLog
 
@@ -94,6 +95,21 @@ def test_rests_that_remember_where_the_joint_came_from_count(arm):
     assert [(one.effect, one.joints) for one in found.findings] == [("maxwell-slip", (1,))]
 
 
+@pytest.mark.parametrize("least", [0.0, 0.5])
+def test_friction_that_holds_a_part_of_what_the_joint_stopped_with_is_no_hysteresis(arm, least):
+    def stopped(q, dq, stands):
+        rng = np.random.default_rng(len(q) + int(1e6 * abs(q[5, 0])))
+        kept = np.sign(np.diff(q[:, 1], prepend=0.0))
+        for k in np.flatnonzero(stands):
+            kept[k] = kept[k - 1] * (1.0 if stands[k - 1] else rng.uniform(least, 1.0))
+        return stands * DRY[1] * kept
+
+    found = found_in(arm, held=0.0, hidden=stopped)
+    assert found.rests == (1,)
+    assert found.findings == ()
+    assert found.unexplained == ()
+
+
 def test_a_drive_that_rattles_at_rest_is_unexplained_and_not_left_out(arm):
     rng = np.random.default_rng(0)
     found = found_in(arm, held=0.0, hidden=lambda q, dq, stands: stands * 0.4 * rng.standard_normal(len(q)))
@@ -178,3 +194,10 @@ def test_a_joint_that_turns_round_does_not_stick(arm):
         return JointLog(t=t, q=q, current=torque + friction + NOISE * rng.standard_normal(q.shape), name=f"log{seed}")
 
     assert identify(arm, [turning(seed) for seed in (1, 2, 3)], effects=["coulomb"]).rests.joints == ()
+
+
+def test_further_joints_are_left_out_only_if_they_rest_and_move():
+    nobody, speed = np.zeros(2, dtype=bool), np.full(2, 5e-3)
+    rests = Rests(nobody, np.array([True, False]), speed, DRY, 0.1)
+    assert rests.joints == ()
+    assert rests.also([0, 1]).joints == (0,)
