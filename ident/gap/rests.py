@@ -63,8 +63,8 @@ SWINGS, HUNTS = 0.7, 0.15
 EXPLAINED = 0.9
 """Share of the rests' squares that an effect must explain for them to tell of it."""
 
-SLIP = 5e-5
-"""Displacement [rad or m] before a joint slips, below which it sticks."""
+SLIP = 2e-4
+"""Displacement [rad or m] before a joint slips, a few counts of an encoder, below which it sticks."""
 
 TELLING = ("hysteresis", "rigid-body", "friction", "timing")
 """Families of effects that may act on a joint that stands; ripples fit whatever a few poses hold."""

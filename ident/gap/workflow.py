@@ -190,8 +190,13 @@ class _Workflow:
             gap.joint
             for gap, *all_names in zip(causes.gaps, causes.named, causes.doubted, strict=True)
             for trial in [one.trial for one in chain(*all_names)]
-            if trial.effect.family == "hysteresis" and slipless(self.panel, gap.problem(self.panel), trial, gap.joint)
+            if self.slipless(gap, trial)
         ]
+
+    def slipless(self, gap: JointGap, trial: Trial) -> bool:
+        """Whether this is hysteresis of no displacement to speak of."""
+        remembers = trial.effect.family == "hysteresis"
+        return remembers and slipless(self.panel, gap.problem(self.panel), trial, gap.joint)
 
     def judged(self, last: Search) -> tuple[JointGap, list[Named], list[Named]]:
         """A joint's rows, the names that are believed, and those that explain what is left but are not."""
@@ -210,7 +215,9 @@ class _Workflow:
     def parted(self, last: Search) -> tuple[list[Named], list[Named]]:
         """Names of a joint that are believed, and those that are withdrawn: all, if the others do not hold alone."""
         named = list(last.named)
-        names = believed(self.panel, self.survey, last.gap, named)
+        names = [
+            one for one in believed(self.panel, self.survey, last.gap, named) if not self.slipless(last.gap, one.trial)
+        ]
         withdrawn = [one for one in named if one not in names]
         if not withdrawn:
             return names, []
