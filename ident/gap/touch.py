@@ -68,7 +68,9 @@ def find_touches(panel: Panel, survey: Survey, residuals: FloatArray, named: Flo
     for a, b in itertools.pairwise(edges.tolist()):
         if b > a:
             averaged[a:b] = uniform_filter1d(residuals[a:b], max(1, round(SMOOTH / step)), axis=0, mode="nearest")
-    usual = 1.4826 * np.stack([_usual(panel, averaged[:, j], j) for j in range(averaged.shape[1])], axis=1)
+    usual = 1.4826 * np.stack(
+        [_usual(panel, averaged[:, j], residuals[:, j] != 0.0, j) for j in range(averaged.shape[1])], axis=1
+    )
     least = np.maximum(HEIGHT * usual, BEYOND_NAMES * np.sqrt(np.mean(named**2, axis=0)))
     still = np.abs(panel.velocity) < STILL * survey.smoothing
     high = np.abs(averaged) > np.maximum(least, 1e-300)
@@ -97,10 +99,13 @@ def _pieces(marked: BoolArray, edges: IntArray) -> Iterator[tuple[int, int, int]
                 yield j, first + rows.start, first + rows.stop
 
 
-def _usual(panel: Panel, averaged: FloatArray, joint: int) -> FloatArray:
-    """Median size (N,) of an averaged residual (N,), in motion that of motion where it is the larger."""
+def _usual(panel: Panel, averaged: FloatArray, known: BoolArray, joint: int) -> FloatArray:
+    """Median size (N,) of an averaged residual (N,) where it is known, in motion that of motion where it is the larger.
+
+    Rows that are left out have a residual of nought, and may be most of them.
+    """
     size = np.abs(averaged)
-    usual = np.full(len(size), np.median(size))
+    usual = np.full(len(size), np.median(size[known]) if known.any() else 0.0)
     moving = speed_classes(np.abs(panel.velocity[:, joint])) >= MOVING
     if moving.any():
         usual[moving] = max(usual[0], float(np.median(size[moving])))
