@@ -142,9 +142,9 @@ class Design:
             context = self.context(block.motion)
             matrices = self.matrices(context, memories)
             target = block.log.current[block.keep] * self.scale
-            if self.counts is None:
-                yield Rows([m[block.keep] for m in matrices], target)
+            kept = [m[block.keep] for m in matrices]
+            counts = None if self.counts is None else self.counts(block)[block.keep]
+            if counts is None or counts.all():
+                yield Rows(kept, target)
             else:
-                counts = self.counts(block)[block.keep]
-                own = [m[block.keep] * counts[:, j, None] for j, m in enumerate(matrices)]
-                yield Rows(own, target * counts, counts)
+                yield Rows([m * counts[:, j, None] for j, m in enumerate(kept)], target * counts, counts)

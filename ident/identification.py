@@ -179,12 +179,7 @@ def _stuck(robot: Robot, start: Start, train: Sequence[LogSource]) -> tuple[Star
     if not rests.joints:
         return start, rests
     # A sign that turns elsewhere than the joint's own looks like friction that holds.
-    effects = [term.effect for term in smoothed(plain, train, rests).model.terms]
-    smoothing = start.smoothing.copy()
-    for effect in effects:
-        if isinstance(effect, VelocityEffect):
-            smoothing[effect.at] = effect.smoothing
-    start = replace(start, effects=effects, smoothing=smoothing)
+    start = replace(start, effects=[term.effect for term in smoothed(plain, train, rests).model.terms])
     return start, find_rests(start.model(robot), train)
 
 

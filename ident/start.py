@@ -15,7 +15,7 @@ from ident.design import Design
 from ident.drive_gain import GainEstimate, gains_from_payload, shared_gains
 from ident.effects.base import Effect, initial_term
 from ident.effects.electrical import CurrentOffset
-from ident.effects.friction import SMOOTHING, Coulomb, Viscous
+from ident.effects.friction import SMOOTHING, Coulomb, VelocityEffect, Viscous
 from ident.effects.rigid_body import Links, RotorInertia
 from ident.errors import InputError
 from ident.fit import Drives, solved_model
@@ -57,7 +57,6 @@ class Start:
         gains: how drive gains are treated.
         gain_estimate: gains with intervals, where they are estimated.
         drives: force unit per unit of current.
-        smoothing: speed (n,) over which each joint's sign of velocity turns.
         effects: links, and for every joint its rotor and offset, with Coulomb and viscous friction where it moves.
     """
 
@@ -67,8 +66,12 @@ class Start:
     gains: Gains
     gain_estimate: GainEstimate | None
     drives: Drives
-    smoothing: FloatArray
     effects: Sequence[Effect]
+
+    @property
+    def smoothing(self) -> dict[int, float]:
+        """Speed over which the sign of velocity turns of each joint, from 0, that moves."""
+        return {effect.at: effect.smoothing for effect in self.effects if isinstance(effect, VelocityEffect)}
 
     def model(self, robot: Robot) -> CurrentModel:
         """A robot's model with these effects, fitted to the rows held, without standard deviations."""
@@ -103,9 +106,8 @@ def start_of(
     still = still_joints(held)
     gains = gains or ("payload" if loaded is not None else "known" if robot.gain is not None else "per-joint")
     drives, estimate = _drives(robot, gains, train, loaded, chosen.hertz)
-    smoothing = _smoothing(held, chosen.hertz)
-    effects = _effects(robot, gains, smoothing, still)
-    return Start(chosen, held, still, gains, estimate, drives, smoothing, effects)
+    effects = _effects(robot, gains, _smoothing(held, chosen.hertz), still)
+    return Start(chosen, held, still, gains, estimate, drives, effects)
 
 
 def _choose_cutoff(sources: Sequence[LogSource]) -> CutoffChoice:

@@ -17,7 +17,6 @@ from ident.effects.base import Survey
 from ident.gap.candidates import Trial, admissible, best_start, coefficients, forms, refine
 from ident.gap.joint_gap import JointGap
 from ident.gap.panel import Panel
-from ident.gap.problem import JointProblem
 from ident.gap.rows import gap_of, panel_of, survey_of
 from ident.gap.spectrum import spectral_line
 from ident.gap.touch import row_step
@@ -137,12 +136,12 @@ def find_rests(model: CurrentModel, sources: Sequence[LogSource]) -> Rests:
         sources: the logs.
     """
     panel = panel_of(model, sources)
+    return rests_of(model, panel, survey_of(model, panel))
+
+
+def rests_of(model: CurrentModel, panel: Panel, survey: Survey) -> Rests:
+    """Find the joints that stick, the model's columns being fitted again: what has changed would hide what is held."""
     gaps = [gap_of(model, panel, j) for j in range(model.n)]
-    return rests_of(model, panel, survey_of(model, panel), gaps)
-
-
-def rests_of(model: CurrentModel, panel: Panel, survey: Survey, gaps: Sequence[JointGap]) -> Rests:
-    """Find the joints that stick, given the model and every joint's rows."""
     speed = np.minimum(STANDS, OF_MEAN * survey.pace)
     around = AROUND / model.cutoff
     rests = panel.gather(lambda block: stands(block, speed, around))
@@ -221,12 +220,15 @@ def _told(panel: Panel, survey: Survey, gap: JointGap, rest: BoolArray, usual: f
             if np.mean(problem.left(columns)[rest] ** 2) < least:
                 # The shortest displacement that is begun with is no shortest yet.
                 found = refine(panel, problem, start, gap.joint) if effect.family == "hysteresis" else start
-                if not slipless(panel, problem, found, gap.joint):
+                if not slipless(panel, gap, found):
                     return True
     return False
 
 
-def slipless(panel: Panel, problem: JointProblem, trial: Trial, joint: int) -> bool:
-    """Whether an effect remembers over no displacement to speak of: then it is dry friction that sticks."""
-    found = trial.effect.summary(panel.robot, trial.shape, coefficients(panel, problem, trial, joint))
-    return float(np.sum(found.get("slip", np.inf))) < SLIP
+def slipless(panel: Panel, gap: JointGap, trial: Trial) -> bool:
+    """Whether this is hysteresis over no displacement to speak of: then it is dry friction that sticks."""
+    if trial.effect.family != "hysteresis":
+        return False
+    found = coefficients(panel, gap.problem(panel), trial, gap.joint)
+    slip = trial.effect.summary(panel.robot, trial.shape, found).get("slip", np.inf)
+    return float(np.sum(slip)) < SLIP

@@ -129,9 +129,7 @@ class _Workflow:
         """Steps 1 and 2: the model, fitted again unless it is held fixed, and the rows that it is held against."""
         self.rests = no_rests(self.model.n)
         self.see()
-        # Also of a model that is held fixed: what has changed would hide what is held.
-        fitted = [gap_of(self.model, self.panel, j) for j in range(self.model.n)]
-        self.rests = rests_of(self.model, self.panel, self.survey, fitted)
+        self.rests = rests_of(self.model, self.panel, self.survey)
         if self.rests.joints:
             self.see()
 
@@ -186,17 +184,13 @@ class _Workflow:
 
     def stuck(self, causes: _Causes) -> list[int]:
         """Joints that are given friction with a memory of no displacement: that is dry friction that sticks."""
+        names = zip(causes.gaps, causes.named, causes.doubted, strict=True)
         return [
             gap.joint
-            for gap, *all_names in zip(causes.gaps, causes.named, causes.doubted, strict=True)
-            for trial in [one.trial for one in chain(*all_names)]
-            if self.slipless(gap, trial)
+            for gap, sure, doubted in names
+            for one in (*sure, *doubted)
+            if slipless(self.panel, gap, one.trial)
         ]
-
-    def slipless(self, gap: JointGap, trial: Trial) -> bool:
-        """Whether this is hysteresis of no displacement to speak of."""
-        remembers = trial.effect.family == "hysteresis"
-        return remembers and slipless(self.panel, gap.problem(self.panel), trial, gap.joint)
 
     def judged(self, last: Search) -> tuple[JointGap, list[Named], list[Named]]:
         """A joint's rows, the names that are believed, and those that explain what is left but are not."""
@@ -215,9 +209,8 @@ class _Workflow:
     def parted(self, last: Search) -> tuple[list[Named], list[Named]]:
         """Names of a joint that are believed, and those that are withdrawn: all, if the others do not hold alone."""
         named = list(last.named)
-        names = [
-            one for one in believed(self.panel, self.survey, last.gap, named) if not self.slipless(last.gap, one.trial)
-        ]
+        believable = believed(self.panel, self.survey, last.gap, named)
+        names = [one for one in believable if not slipless(self.panel, last.gap, one.trial)]
         withdrawn = [one for one in named if one not in names]
         if not withdrawn:
             return names, []

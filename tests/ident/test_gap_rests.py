@@ -55,12 +55,17 @@ def test_what_friction_holds_at_rest_is_left_out_and_bends_nothing(arm):
     np.testing.assert_allclose(found.evidence.moving[-1], NOISE, rtol=0.1)
 
 
-def test_an_effect_is_named_beside_rests_eight_times_the_noise(arm):
-    found = found_in(arm, hidden=lambda q, dq, stands: 0.25 * np.sign(dq[:, 1]) * np.exp(-((dq[:, 1] / 0.06) ** 2)))
+@pytest.mark.parametrize("power", [1, 2])
+def test_an_effect_is_named_beside_rests_eight_times_the_noise(arm, power):
+    def lower(q, dq, stands):
+        return 0.25 * np.sign(dq[:, 1]) * np.exp(-((np.abs(dq[:, 1]) / 0.06) ** power))
+
+    found = found_in(arm, hidden=lower)
     assert found.rests == (0, 1)
     (one,) = found.findings
     assert (one.effect, one.joints) == ("stribeck", (1,))
-    assert one.parameters["speed"] == pytest.approx(0.06, rel=0.15)
+    if power == 2:  # the catalogue's own law; the speed of another means something else
+        assert one.parameters["speed"] == pytest.approx(0.06, rel=0.15)
     assert found.evidence.moving[-1][1] < 1.1 * NOISE
 
 
