@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 from measured_logs import DATA, Case, cases, panda_log, split
 
-from comparisons.report.gap import sentence
+from comparisons.report.gap import nameless, sentence
 from ident.gap import baseline_model, find_gap
 
 
@@ -45,8 +45,7 @@ def main() -> None:
             for finding in found.findings:
                 print("-", sentence(found, finding))
             for one in found.unexplained:
-                joints = ", ".join(str(j + 1) for j in one.joints)
-                print(f"- Joint {joints}: unexplained {100 * one.share:.0f} %, depends on {', '.join(one.depends_on)}")
+                print("-", nameless(one))
             assert found.evidence is not None
             print(
                 "  test errors before", np.round(found.evidence.before, 4), "after", np.round(found.evidence.after, 4)

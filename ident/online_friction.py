@@ -132,7 +132,7 @@ class OneSample:
 def _known(term: Term, robot: Robot) -> bool:
     """Whether the table can hold a term; whatever is odd about one is left for its columns to complain of."""
     effect = term.effect
-    if type(effect) not in ENCODED:
+    if type(effect) not in ENCODED or (isinstance(effect, GearRipple) and effect.harmonics > 1):
         return False
     inside = all(j is not None and 0 <= j < robot.n for j in (effect.joint, getattr(effect, "source", 0)))
     full = (len(effect.shapes), len(effect.coefficients(robot)))
@@ -147,11 +147,14 @@ def _entry(term: Term) -> list[int]:
 
 
 def _values(term: Term) -> FloatArray:
-    """Smoothing, shapes and coefficients of a term; of Maxwell slip the elements' displacements and forces."""
+    """Smoothing, power, shapes, coefficients of a term; of Maxwell slip the elements' displacements and forces."""
     effect = term.effect
     if isinstance(effect, MaxwellSlip):
         return np.concatenate([term.shape[0] * np.array(effect.spread), term.coefficients])
-    return np.concatenate([[getattr(effect, "smoothing", 0.0)], term.shape, term.coefficients])
+    smoothing = getattr(effect, "smoothing", 0.0)
+    if isinstance(effect, Stribeck):
+        return np.concatenate([[smoothing, effect.exponent(term.shape)], term.shape[:1], term.coefficients])
+    return np.concatenate([[smoothing], term.shape, term.coefficients])
 
 
 @compiled
@@ -193,7 +196,7 @@ def _plain(kind: int, p: FloatArray, q: float, dq: float, ddq: float) -> float:
     elif kind == _ROTOR:
         force *= ddq
     elif kind == _CABLE:
-        force = p[1] * q + p[2] * q * q * q
+        force = p[2] * (q - p[1]) + p[3] * (q - p[1]) ** 3
     elif kind == _RIPPLE:
         force = p[2] * math.sin(p[1] * q) + p[3] * math.cos(p[1] * q)
     return force
@@ -207,7 +210,7 @@ def _by_speed(kind: int, p: FloatArray, dq: float, load: float) -> float:
     if kind == _ASYMMETRY:
         force = p[1] * abs(direction)
     elif kind == _STRIBECK:
-        force = p[2] * direction * math.exp(-((dq / p[1]) ** 2))
+        force = p[3] * direction * math.exp(-(abs(dq / p[2]) ** p[1]))
     elif kind == _SIGMOID:
         force = p[3] * (_logistic((dq + p[2]) / p[1]) - _logistic(p[2] / p[1]))
     elif kind == _NONLINEAR:

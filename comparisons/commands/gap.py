@@ -46,7 +46,7 @@ def gap(
     """
     with OutputDirectory(out, "gap") as output:
         found = gap_into(output, robot, train, test, model, cutoff)
-    from comparisons.report.gap import sentence
+    from comparisons.report.gap import nameless, sentence
 
     for warning in found.warnings:
         print(f"warning: {warning}")
@@ -54,6 +54,8 @@ def gap(
         print(sentence(found, finding))
     if not found.findings:
         print("Nothing is named: no effect of the catalogue passes the gate on these logs.")
+    for one in found.unexplained:
+        print(nameless(one))
     print(out / "report.html")
 
 

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from ident.arrays import FloatArray
-    from ident.gap import Finding, GapReport
+    from ident.gap import Finding, GapReport, Unexplained
     from ident.log import LogSource
 
 WORDS = {
@@ -55,6 +55,13 @@ POINTS = 4000
 
 HARDLY = 0.005
 """Share by which the gap must change for it to be said to fall or to grow."""
+
+
+def nameless(one: Unexplained) -> str:
+    """Say in one sentence what is there on a joint and has no name."""
+    joints = ", ".join(str(j + 1) for j in one.joints)
+    follows = ", ".join(one.depends_on) or "no one signal"
+    return f"Joint {joints}: {100 * one.share:.0f} % of the squared residual is unexplained; it follows {follows}."
 
 
 def sentence(found: GapReport, finding: Finding) -> str:

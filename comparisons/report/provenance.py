@@ -9,6 +9,7 @@ import sys
 from collections.abc import Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime
+from glob import glob
 from pathlib import Path
 from typing import Any
 
@@ -59,7 +60,7 @@ def provenance(
     """Note the run under way.
 
     Args:
-        inputs: files read; a folder counts with all files in it.
+        inputs: files read, or globs of them; a folder counts with all files in it.
         seed: of the random draws, if there were any.
         command: its words; those of the process unless given.
         libraries: further distributions whose version matters, such as torch; one that is absent is left out.
@@ -73,7 +74,7 @@ def provenance(
         versions={name: version for name, version in versions.items() if version},
         machine=f"{platform.system()} {platform.machine()}",
         seed=seed,
-        inputs=tuple((str(path), _size(Path(path))) for path in inputs),
+        inputs=tuple((path, _size(Path(path))) for given in inputs for path in _expanded(str(given))),
     )
 
 
@@ -82,6 +83,10 @@ def _version(name: str) -> str:
         return importlib.metadata.version(name)
     except importlib.metadata.PackageNotFoundError:
         return ""
+
+
+def _expanded(given: str) -> list[str]:
+    return [given] if Path(given).exists() else sorted(glob(given)) or [given]
 
 
 def _size(path: Path) -> int:

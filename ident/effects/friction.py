@@ -101,31 +101,61 @@ class CoulombAsymmetry(VelocityEffect):
 
 @dataclass(frozen=True)
 class Stribeck(VelocityEffect):
-    """Extra friction at low speed that vanishes as a lubricant film builds up (Armstrong-Helouvry et al. 1994)."""
+    """Extra friction at low speed that vanishes as a lubricant film builds up (Armstrong-Helouvry et al. 1994).
+
+    Attributes:
+        power: of the speed in the exponent, from 1/2 to 2 by author; None has it searched.
+    """
+
+    power: float | None = 2.0
 
     name = "stribeck"
     family = "friction"
     rivals = ("sigmoid", "maxwell-slip", "viscous-nonlinear")
     excitation = "constant speeds of 1 to 50 mrad/s, both ways"
 
+    @classmethod
+    def candidates(cls, survey: Survey, joint: int | None) -> list[Effect]:
+        """Try it with any power."""
+        return [] if joint is None else [cls(joint, float(survey.smoothing[joint]), None)]
+
     @property
     def shapes(self) -> tuple[Shape, ...]:
-        """Return the Stribeck speed."""
-        return (Shape("speed", "{angle}/s", 4e-3, 0.2, (0.04, 0.01, 0.1)),)
+        """Return the Stribeck speed, and its power if that is searched."""
+        speed = Shape("speed", "{angle}/s", 4e-3, 0.2, (0.04, 0.01, 0.1))
+        power = Shape("power", "1", 0.4, 2.5, (1.0, 2.0), log=False, ends=(False, False))
+        return (speed,) if self.power is not None else (speed, power)
 
     def coefficients(self, robot: Robot) -> tuple[Coefficient, ...]:
         """Return static minus Coulomb friction, never negative."""
         return (Coefficient("force", "{current}", lower=0.0),)
 
     def columns(self, context: Context, shape: FloatArray, memory: FloatArray) -> FloatArray:
-        """Return sign(dq) exp(-(dq/speed)^2)."""
-        ratio = self.velocity(context) / float(shape[0])
-        return (self.direction(context) * np.exp(-(ratio**2)))[:, None]
+        """Return sign(dq) exp(-|dq/speed|^power)."""
+        return (self.direction(context) * np.exp(-(self._ratio(context, shape) ** self.exponent(shape))))[:, None]
 
     def gradient(self, context: Context, shape: FloatArray) -> FloatArray:
-        """Differentiate the columns by the Stribeck speed."""
-        ratio = self.velocity(context) / float(shape[0])
-        return (self.direction(context) * np.exp(-(ratio**2)) * 2 * ratio**2 / float(shape[0]))[None, :, None]
+        """Differentiate the columns by the Stribeck speed and its power."""
+        ratio, power = self._ratio(context, shape), self.exponent(shape)
+        change = self.direction(context) * np.exp(-(ratio**power)) * ratio**power
+        by_shape = np.stack([change * power / float(shape[0]), -change * np.log(ratio)])
+        return by_shape[: len(shape), :, None]
+
+    def summary(self, robot: Robot, shape: FloatArray, coefficients: FloatArray) -> dict[str, float | list[float]]:
+        """Return the excess, the speed at which 1/e of it is left, and the power of the speed."""
+        return {"force": float(coefficients[0]), "speed": float(shape[0]), "power": self.exponent(shape)}
+
+    def exponent(self, shape: FloatArray) -> float:
+        """Return the power of the speed, given or searched.
+
+        Args:
+            shape: values of the shape parameters.
+        """
+        return float(shape[1]) if self.power is None else self.power
+
+    def _ratio(self, context: Context, shape: FloatArray) -> FloatArray:
+        # Away from nought, where the logarithm of the gradient ends.
+        return np.abs(self.velocity(context)) / float(shape[0]) + 1e-12
 
 
 @dataclass(frozen=True)
@@ -213,8 +243,8 @@ class ViscousNonlinear(VelocityEffect):
         return (Shape("exponent", "1", self.least, self.most, starts or middle, ends=(self.least < 1.0, False)),)
 
     def coefficients(self, robot: Robot) -> tuple[Coefficient, ...]:
-        """Return the friction at 1 rad/s (1 m/s)."""
-        return (Coefficient("force", "{current}"),)
+        """Return the friction at 1 rad/s (1 m/s), never negative: on either side of one a power bends its own way."""
+        return (Coefficient("force", "{current}", lower=0.0),)
 
     def columns(self, context: Context, shape: FloatArray, memory: FloatArray) -> FloatArray:
         """Return sign(dq) |dq|^exponent."""
@@ -254,14 +284,16 @@ class LoadFriction(VelocityEffect):
 class PositionFriction(VelocityEffect):
     """Dry friction that swings with the joint's angle: eccentric bearings, worn teeth, a seal that is out of round.
 
-    A swing and its second harmonic stand for what is no sine, such as a spot that rubs. Friction that repeats with the
+    A swing's second harmonic stands for what is no sine, such as a spot that rubs. Friction that repeats with the
     turn of a gear stage has been measured on industrial robots (Simoni et al. 2019).
 
     Attributes:
         fewest: fewest swings a turn (a metre).
+        harmonics: of the swing, one or two.
     """
 
     fewest: float = 0.3
+    harmonics: int = 2
 
     name = "position-friction"
     family = "friction"
@@ -273,8 +305,8 @@ class PositionFriction(VelocityEffect):
         """Try it with a quarter of a swing and more over the range seen: less is a difference of large forces."""
         if joint is None:
             return []
-        fewest = 0.5 * np.pi / max(float(survey.reach[joint]), 1e-3)
-        return [cls(joint, float(survey.smoothing[joint]), float(np.clip(fewest, cls.fewest, 0.5 * MOST_SWINGS)))]
+        fewest = float(np.clip(0.5 * np.pi / max(float(survey.reach[joint]), 1e-3), cls.fewest, 0.5 * MOST_SWINGS))
+        return [cls(joint, float(survey.smoothing[joint]), fewest, harmonics) for harmonics in (1, 2)]
 
     @property
     def shapes(self) -> tuple[Shape, ...]:
@@ -286,19 +318,19 @@ class PositionFriction(VelocityEffect):
     def coefficients(self, robot: Robot) -> tuple[Coefficient, ...]:
         """Return the swing in and out of phase with the joint's zero, and that of its second harmonic."""
         names = ("force_cos", "force_sin", "force_cos2", "force_sin2")
-        return tuple(Coefficient(name, "{current}") for name in names)
+        return tuple(Coefficient(name, "{current}") for name in names[: 2 * self.harmonics])
 
     def columns(self, context: Context, shape: FloatArray, memory: FloatArray) -> FloatArray:
-        """Return sign(dq) times cosine and sine of once and twice per_turn times the angle."""
-        phase = shape[0] * context.motion.q[:, self.at]
-        waves = np.stack([np.cos(phase), np.sin(phase), np.cos(2.0 * phase), np.sin(2.0 * phase)], axis=1)
+        """Return sign(dq) times cosine and sine of once (and twice) per_turn times the angle."""
+        phases = [k * shape[0] * context.motion.q[:, self.at] for k in range(1, self.harmonics + 1)]
+        waves = np.stack([wave(phase) for phase in phases for wave in (np.cos, np.sin)], axis=1)
         swing: FloatArray = self.direction(context)[:, None] * waves
         return swing
 
     def summary(self, robot: Robot, shape: FloatArray, coefficients: FloatArray) -> dict[str, float | list[float]]:
         """Return the size of the swing, of its second harmonic, its phase and its repeats."""
         force, phase = float(np.hypot(*coefficients[:2])), float(np.arctan2(coefficients[1], coefficients[0]))
-        second = float(np.hypot(*coefficients[2:]))
+        second = float(np.linalg.norm(coefficients[2:]))
         return {"force": force, "second_harmonic": second, "per_turn": float(shape[0]), "phase": phase}
 
 

@@ -116,15 +116,24 @@ class CrossJointHysteresis(Effect):
 class Backlash(Effect):
     """Play between motor and link: after a reversal the motor crosses the gap without the link's load.
 
-    The position of the motor inside the gap is a play operator on the joint's position (Nordin and Gutman 2002); at
-    rest the load presses the link against one flank.
+    The position of the motor inside the gap is a play operator on the joint's position (Nordin and Gutman 2002).
+
+    Attributes:
+        falls: whether, at rest, the load presses the link against one flank; friction may hold it instead.
     """
+
+    falls: bool = True
 
     name = "backlash"
     family = "hysteresis"
     needs = ("load",)
     rivals = ("maxwell-slip", "elasticity")
     excitation = "reversals under load, and changes of the load's sign"
+
+    @classmethod
+    def candidates(cls, survey: Survey, joint: int | None) -> list[Effect]:
+        """Try it with a link that falls at rest, and with one that stays."""
+        return [] if joint is None else [cls(joint, falls) for falls in (True, False)]
 
     @property
     def shapes(self) -> tuple[Shape, ...]:
@@ -145,25 +154,30 @@ class Backlash(Effect):
             np.ascontiguousarray(x[:, self.at])
             for x in (context.needed("load", self.name), context.motion.q, context.motion.dq)
         )
-        return (-load * _inside(q, dq, load, 0.5 * float(shape[0]), memory))[:, None]
+        return (-load * _inside(q, dq, load, 0.5 * float(shape[0]), self.falls, memory))[:, None]
 
+
+ENGAGES = 8
+"""Power of the place in the gap with which flanks engage: positions are noisy, and no tooth is all or nothing."""
 
 RESTING = 1e-3
 """Speed [rad/s or m/s] below which a joint rests on one flank of its gap."""
 
 
 @compiled
-def _inside(q: FloatArray, dq: FloatArray, load: FloatArray, half: float, memory: FloatArray) -> FloatArray:
-    """One where the motor is inside the gap, nought where it carries the link."""
+def _inside(
+    q: FloatArray, dq: FloatArray, load: FloatArray, half: float, falls: bool, memory: FloatArray
+) -> FloatArray:
+    """Share of the load that is not carried: one in the middle of the gap, nought at its flanks."""
     out = np.zeros(len(q))
     place, last = memory[0], memory[1]
     for k in range(len(q)):
-        if np.isnan(last) or abs(dq[k]) < RESTING:
+        if falls and (np.isnan(last) or abs(dq[k]) < RESTING):
             place = half if load[k] >= 0.0 else -half
-        else:
+        elif not np.isnan(last):
             place = min(max(place + q[k] - last, -half), half)
         last = q[k]
-        out[k] = 1.0 if abs(place) < half * (1.0 - 1e-9) else 0.0
+        out[k] = 1.0 - (place / half) ** ENGAGES
     memory[0], memory[1] = place, last
     return out
 

@@ -8,11 +8,14 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ident.arrays import FloatArray
-from ident.effects.base import Coefficient, Context, Effect
+from ident.effects.base import Coefficient, Context, Effect, Shape
 
 if TYPE_CHECKING:
     from ident.base_parameters import BaseParameters
     from ident.robot import Robot
+
+NEUTRAL = (0.0, -0.5, 0.5, -1.0, 1.0, -1.75, 1.75, -2.5, 2.5)
+"""Angles [rad or m] from which that is searched at which cables hang free."""
 
 MOMENT_UNITS = {"m": "kg", "mx": "kg m", "my": "kg m", "mz": "kg m"}
 
@@ -71,7 +74,7 @@ class RotorInertia(Effect):
 
 @dataclass(frozen=True)
 class CableSpring(Effect):
-    """Cables and hoses that pull as the joint turns: a spring in the joint's angle that stiffens towards the ends."""
+    """Cables and hoses that pull a joint to where they hang free, and stiffen away from there."""
 
     name = "cable-spring"
     family = "rigid-body"
@@ -79,11 +82,24 @@ class CableSpring(Effect):
     rivals = ("gravity-balancer", "gear-ripple")
     excitation = "the joint's whole range, with the other joints in several poses"
 
+    @property
+    def shapes(self) -> tuple[Shape, ...]:
+        """Return the angle at which the cables hang free, which a stiffness alone does not tell from an offset."""
+        return (Shape("neutral", "{angle}", -4.0, 4.0, NEUTRAL, log=False, ends=(False, False)),)
+
     def coefficients(self, robot: Robot) -> tuple[Coefficient, ...]:
-        """Return the stiffness at zero, and its growth with the angle's square."""
-        return (Coefficient("stiffness", "{current}/{angle}"), Coefficient("stiffening", "{current}/{angle}^3"))
+        """Return the stiffness there, and its growth with the angle's square; a pull is never a push."""
+        return (
+            Coefficient("stiffness", "{current}/{angle}", lower=0.0),
+            Coefficient("stiffening", "{current}/{angle}^3", lower=0.0),
+        )
 
     def columns(self, context: Context, shape: FloatArray, memory: FloatArray) -> FloatArray:
-        """Return the angle and its cube."""
-        angle = context.motion.q[:, self.at]
+        """Return the angle from neutral and its cube."""
+        angle = context.motion.q[:, self.at] - shape[0]
         return np.stack([angle, angle**3], axis=1)
+
+    def gradient(self, context: Context, shape: FloatArray) -> FloatArray:
+        """Differentiate the columns by the neutral angle."""
+        angle = context.motion.q[:, self.at] - shape[0]
+        return np.stack([-np.ones_like(angle), -3.0 * angle**2], axis=1)[None]

@@ -24,6 +24,12 @@ USUAL_RATIO = 100.0
 GEAR_HARMONICS = 2.5
 """A gear repeats at most this many times a turn of its motor (a wave generator twice); motor poles more often."""
 
+HARMONIC_REPEATS = 125.0
+"""Repeats a turn up to which a ripple's second harmonic is looked for; a quicker one's passes too fast to be seen."""
+
+LEAST_MIX = 0.2
+"""Angle [rad] between a mix of two joints' motion and the joint's own below which it is the joint's own friction."""
+
 POLE_HARMONICS = 8.0
 """Repeats a turn of the motor up to which its poles are looked for."""
 
@@ -37,9 +43,11 @@ class CrossJointFriction(Effect):
 
     Attributes:
         source: the other joint, from 0.
+        side: sign of the other joint's share; 0 leaves it open, and lets the share vanish.
     """
 
     source: int = 0
+    side: int = 0
 
     name = "cross-joint-friction"
     family = "transmission"
@@ -49,19 +57,20 @@ class CrossJointFriction(Effect):
 
     @classmethod
     def candidates(cls, survey: Survey, joint: int | None) -> list[Effect]:
-        """Try every other joint as the source."""
+        """Try every other joint as the source, with the joint and against it."""
         if joint is None:
             return []
-        return [cls(joint, k) for k in range(survey.robot.n) if k != joint]
+        return [cls(joint, k, side) for k in range(survey.robot.n) if k != joint for side in (1, -1)]
 
     @property
     def shapes(self) -> tuple[Shape, ...]:
         """Return the angle that mixes the two joints' motion, and over which speed the mixed one's friction turns."""
         quarter = 0.25 * np.pi
         # At the bounds friction is that of the other joint's motion alone.
-        mix = Shape(
-            "mix", "rad", -2 * quarter, 2 * quarter, (quarter, -quarter, 1.4, -1.4), log=False, ends=(False, False)
-        )
+        lower = LEAST_MIX if self.side > 0 else -2 * quarter
+        upper = -LEAST_MIX if self.side < 0 else 2 * quarter
+        starts = tuple(x for x in (quarter, -quarter, 1.4, -1.4) if lower < x < upper)
+        mix = Shape("mix", "rad", lower, upper, starts, log=False, ends=(self.side > 0, self.side < 0))
         # What turns over so wide a range of speeds as the upper bound is damping.
         return (mix, Shape("speed", "{angle}/s", 5e-4, 0.2, (0.02,), ends=(False, True)))
 
@@ -95,10 +104,12 @@ class GearRipple(Effect):
 
     Attributes:
         most, fewest: repeats a turn between which the search looks.
+        harmonics: of the ripple, one or two.
     """
 
     most: float = 40.0
     fewest: float = 0.5
+    harmonics: int = 1
 
     name = "gear-ripple"
     family = "transmission"
@@ -107,10 +118,11 @@ class GearRipple(Effect):
 
     @classmethod
     def candidates(cls, survey: Survey, joint: int | None) -> list[Effect]:
-        """Try it on turning joints, up to the repeats that a motor turn can have."""
+        """Try it on turning joints, up to the repeats that a motor turn can have, also for its second harmonic."""
         if joint is None or survey.robot.multibody.prismatic[joint]:
             return []
-        return [cls(joint, most=most_of_gears(survey, joint), fewest=FEWEST_REPEATS)]
+        most = most_of_gears(survey, joint)
+        return [cls(joint, most, FEWEST_REPEATS), cls(joint, min(most, HARMONIC_REPEATS), FEWEST_REPEATS, 2)]
 
     @property
     def shapes(self) -> tuple[Shape, ...]:
@@ -119,24 +131,27 @@ class GearRipple(Effect):
         return (Shape("per_turn", "1", self.fewest, self.most, starts, log=False),)
 
     def coefficients(self, robot: Robot) -> tuple[Coefficient, ...]:
-        """Return the amplitudes in and out of phase with the joint's zero."""
-        return (Coefficient("force_sin", "{current}"), Coefficient("force_cos", "{current}"))
+        """Return the amplitudes in and out of phase with the joint's zero, and those of the second harmonic."""
+        names = ("force_sin", "force_cos", "force_sin2", "force_cos2")
+        return tuple(Coefficient(name, "{current}") for name in names[: 2 * self.harmonics])
 
     def summary(self, robot: Robot, shape: FloatArray, coefficients: FloatArray) -> dict[str, float | list[float]]:
-        """Return the amplitude, its repeats a turn of the joint, and its phase at the joint's zero."""
-        force, phase = float(np.hypot(*coefficients)), float(np.arctan2(coefficients[1], coefficients[0]))
-        return {"force": force, "per_turn": float(shape[0]), "phase": phase}
+        """Return the amplitude, its repeats a turn, its phase at the joint's zero, and the second harmonic's."""
+        force, phase = float(np.hypot(*coefficients[:2])), float(np.arctan2(coefficients[1], coefficients[0]))
+        second = {"second_harmonic": float(np.hypot(*coefficients[2:]))} if self.harmonics > 1 else {}
+        return {"force": force, "per_turn": float(shape[0]), "phase": phase, **second}
 
     def columns(self, context: Context, shape: FloatArray, memory: FloatArray) -> FloatArray:
-        """Return sine and cosine of per_turn times the angle."""
-        phase = shape[0] * context.motion.q[:, self.at]
-        return np.stack([np.sin(phase), np.cos(phase)], axis=1)
+        """Return sine and cosine of once (and twice) per_turn times the angle."""
+        phases = [k * shape[0] * context.motion.q[:, self.at] for k in range(1, self.harmonics + 1)]
+        return np.stack([wave(phase) for phase in phases for wave in (np.sin, np.cos)], axis=1)
 
     def gradient(self, context: Context, shape: FloatArray) -> FloatArray:
         """Differentiate the columns by the repeats a turn."""
         angle = context.motion.q[:, self.at]
-        phase = shape[0] * angle
-        return np.stack([angle * np.cos(phase), -angle * np.sin(phase)], axis=1)[None]
+        turned = [(k * angle, k * shape[0] * angle) for k in range(1, self.harmonics + 1)]
+        slopes = [slope for by, phase in turned for slope in (by * np.cos(phase), -by * np.sin(phase))]
+        return np.stack(slopes, axis=1)[None]
 
 
 def most_of_gears(survey: Survey, joint: int) -> float:

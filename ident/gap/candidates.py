@@ -17,7 +17,7 @@ from ident.gap.panel import Panel
 from ident.gap.problem import Errors, JointProblem
 
 SEARCHED = 5
-"""Candidates of a joint whose shape parameters are searched further than the grid of their starts."""
+"""Laws on a joint, in all their forms, whose shape parameters are searched further than the grid of their starts."""
 
 BOUND = 0.01
 """Share of a shape parameter's range, or of the bound itself where that is less, that counts as the bound."""
@@ -157,12 +157,13 @@ def best_trials(panel: Panel, gate: Gate, effects: Sequence[Effect], joint: int)
     """Try effects on a joint; those that explain most are searched further and judged on held-out rows, best first."""
     problem = gate.problem
     screened = sorted((screen(panel, gate, e, joint) for e in effects), key=lambda t: -t.drop)
-    found = []
-    for trial in screened[:SEARCHED]:
-        searched = refine(panel, problem, trial, joint) if trial.effect.shapes else trial
-        found.append(with_errors(panel, problem, searched, joint))
-    rest = [with_errors(panel, problem, trial, joint) for trial in screened[SEARCHED:]]
-    return sorted([*found, *rest], key=_held_out)
+    laws = [(trial.effect.name, *kind_of(trial.effect)) for trial in screened]
+    further = list(dict.fromkeys(laws))[:SEARCHED]
+    found = [
+        refine(panel, problem, trial, joint) if trial.effect.shapes and law in further else trial
+        for law, trial in zip(laws, screened, strict=True)
+    ]
+    return sorted((with_errors(panel, problem, trial, joint) for trial in found), key=_held_out)
 
 
 def _held_out(trial: Trial) -> float:

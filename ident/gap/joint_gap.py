@@ -49,6 +49,7 @@ class JointGap:
         present: effects that the joint has already.
         nuisance: how many of the columns, the last ones, stand for nothing that the model will have.
         friction: forces (N, k) of the model's own friction where it is held fixed: small errors of it are no change.
+        sticks: whether the rests of the joint are left out.
     """
 
     joint: int
@@ -58,6 +59,7 @@ class JointGap:
     present: tuple[Effect, ...]
     nuisance: int = 0
     friction: FloatArray | None = None
+    sticks: bool = False
 
     def bare(self) -> JointGap:
         """The same without nuisance."""
@@ -71,10 +73,16 @@ class JointGap:
         """The regression with effects named so far among the baseline's columns."""
         return JointProblem(self._matrix(panel, named), self.target, panel.fold, self.keep)
 
-    def everywhere(self, panel: Panel, named: Sequence[Trial] = ()) -> FloatArray:
-        """What that, fitted to the rows that count, leaves in all rows (N,), nuisance taken away in those only."""
+    def everywhere(self, panel: Panel, named: Sequence[Trial] = (), fitted: BoolArray | None = None) -> FloatArray:
+        """What that leaves in all rows (N,), nuisance taken away in those that count only.
+
+        Args:
+            panel: the rows.
+            named: effects named so far.
+            fitted: rows (N,) that it is fitted to; by default those that count.
+        """
         matrix = self._matrix(panel, named)
-        found = JointProblem(matrix, self.target, panel.fold, self.keep).fit()
+        found = JointProblem(matrix, self.target, panel.fold, self.keep if fitted is None else fitted).fit()
         own, every = self.matrix.shape[1], np.arange(matrix.shape[1])
         plain = (every < own - self.nuisance) | (every >= own)
         left: FloatArray = self.target - matrix[:, plain] @ found[plain]

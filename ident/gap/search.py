@@ -44,6 +44,9 @@ FEW, RESTS = 0.02, 0.1
 """Share of rows without which motion, and rest, are not asked: a log whose joint stands for less is one of
 reversals."""
 
+AT_REST = ("coulomb-asymmetry",)
+"""Effects that motion alone does not tell from those that a joint has: not asked of one whose rests are left out."""
+
 WORSE = 0.05
 """Share of what is gained over all folds that may be lost on some, where each has the shape that the others found."""
 
@@ -195,6 +198,8 @@ class Search(Beside):
 def search(panel: Panel, survey: Survey, gap: JointGap, named: Sequence[Named] = ()) -> Search:
     """Try what a joint does not have yet, besides what is named."""
     effects = forms(survey, gap.joint, [*gap.present, *(n.effect for n in named)])
+    if gap.sticks:
+        effects = [effect for effect in effects if effect.name not in AT_REST]
     place = Beside.of(panel, gap, named)
     gate = gate_of(panel, place.problem, gap.joint)
     trials = best_trials(panel, gate, effects, gap.joint)

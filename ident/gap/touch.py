@@ -11,7 +11,9 @@ from scipy.ndimage import binary_dilation, find_objects, label, uniform_filter1d
 
 from ident.arrays import BoolArray, FloatArray, IntArray
 from ident.effects.base import Survey
+from ident.gap.candidates import Trial
 from ident.gap.gate import MOVING, speed_classes
+from ident.gap.joint_gap import JointGap
 from ident.gap.panel import Panel
 from ident.log import LogSource, WithoutStretches
 
@@ -30,6 +32,12 @@ takes up whatever is smaller than itself, and that is no touch unless another jo
 
 RAREST = 0.25
 """Touches fill at most this share of the time, and half of the motion; what is there more often is no touch."""
+
+BENT = 0.5
+"""Share of the usual averaged residual that is left without touches where they had bent the model."""
+
+STEPS = 5
+"""Times that rows are chosen anew to which touches add nothing; more change nothing."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,15 +67,28 @@ class Touches:
         return [WithoutStretches(s, tuple(stretches[s.name])) if s.name in stretches else s for s in sources]
 
 
+def undisturbed(gap: JointGap, panel: Panel, named: Sequence[Trial] = ()) -> FloatArray:
+    """What a joint's columns leave in all rows (N,), fitted to those in which it is least, if touches had bent them.
+
+    Least trimmed squares by concentration steps (Rousseeuw and Van Driessen 2006), the averaged residual being trimmed.
+    Touches had bent them if most rows are left with less than half of what fitting all of them leaves.
+    """
+    kept, plain = gap.keep, gap.everywhere(panel, named)
+    left = plain
+    for _ in range(STEPS):
+        size = np.abs(_averaged(panel, left))
+        kept = gap.keep & (size <= np.quantile(size[gap.keep], 1.0 - RAREST))
+        left = gap.everywhere(panel, named, kept)
+    usual, bent = (np.median(np.abs(_averaged(panel, x))[gap.keep]) for x in (left, plain))
+    return left if usual < BENT * bent else plain
+
+
 def find_touches(panel: Panel, survey: Survey, residuals: FloatArray, named: FloatArray) -> Touches:
     """Find contact in the residuals (N, n) that are left when all that could be named, (N, n), is taken away."""
     step = row_step(panel)
     touched = np.zeros(residuals.shape, dtype=bool)
     edges = np.append(panel.start, len(panel))
-    averaged = np.zeros_like(residuals)
-    for a, b in itertools.pairwise(edges.tolist()):
-        if b > a:
-            averaged[a:b] = uniform_filter1d(residuals[a:b], max(1, round(SMOOTH / step)), axis=0, mode="nearest")
+    averaged = _averaged(panel, residuals)
     usual = 1.4826 * np.stack(
         [_usual(panel, averaged[:, j], residuals[:, j] != 0.0, j) for j in range(averaged.shape[1])], axis=1
     )
@@ -89,6 +110,16 @@ def find_touches(panel: Panel, survey: Survey, residuals: FloatArray, named: Flo
     _, episodes = label(rows)
     joints = tuple(int(j) for j in np.flatnonzero(touched.any(axis=0)))
     return Touches(np.asarray(rows, dtype=bool), joints, float(any_joint.sum() * step), int(episodes))
+
+
+def _averaged(panel: Panel, residuals: FloatArray) -> FloatArray:
+    """Residuals (N, ...) averaged over a little time, within each block."""
+    averaged = np.zeros_like(residuals)
+    length = max(1, round(SMOOTH / row_step(panel)))
+    for a, b in itertools.pairwise([*panel.start.tolist(), len(panel)]):
+        if b > a:
+            averaged[a:b] = uniform_filter1d(residuals[a:b], length, axis=0, mode="nearest")
+    return averaged
 
 
 def _pieces(marked: BoolArray, edges: IntArray) -> Iterator[tuple[int, int, int]]:

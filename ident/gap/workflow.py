@@ -32,7 +32,7 @@ from ident.gap.rests import Rests, no_rests, rests_of, slipless
 from ident.gap.rows import gap_of, held_of, panel_of, survey_of
 from ident.gap.search import Search, search
 from ident.gap.settle import alternatives, next_experiment
-from ident.gap.touch import Touches, find_touches
+from ident.gap.touch import Touches, find_touches, undisturbed
 from ident.gap.unsure import unsure_rows
 from ident.gap.velocity_lag import velocity_lag
 from ident.gap.whole import Whole, columns_of, whole_effect
@@ -239,8 +239,11 @@ class _Workflow:
         return [*(t.effect for t in self.model.terms if t.effect.joint is None), *(w.effect for w in wholes)]
 
     def without(self, gaps: Sequence[JointGap], whole: Whole) -> list[JointGap]:
-        """Every joint's rows with a cause of the whole robot taken away."""
-        return [replace(g, target=g.target - columns_of(self.panel, whole, g.joint)) for g in gaps]
+        """Every joint's rows with a cause of the whole robot, which none has once more, taken away."""
+        return [
+            replace(g, target=g.target - columns_of(self.panel, whole, g.joint), present=(*g.present, whole.effect))
+            for g in gaps
+        ]
 
     def attributed(self, searches: Sequence[Search]) -> list[Search]:
         """Every joint's search beside its own causes, from those with nothing named."""
@@ -286,18 +289,27 @@ class _Workflow:
         if joint not in self.rests.joints:
             return found
         # Without the rows in which the sign turns, nothing tells how it does.
-        return found.bare().without(~panel.gather(self.rests.counts)[:, joint])
+        return replace(found.bare().without(~panel.gather(self.rests.counts)[:, joint]), sticks=True)
 
     def touches(self, gaps: Sequence[JointGap], named: Sequence[Sequence[Named]]) -> Touches | None:
-        """Contact in what names leave, if there is any."""
+        """Contact in what names leave, if there is any; many touches show only where none has bent the links."""
+        return self.touches_in(JointGap.everywhere, gaps, named) or self.touches_in(undisturbed, gaps, named)
+
+    def touches_in(
+        self,
+        leaves: Callable[[JointGap, Panel, Sequence[Trial]], FloatArray],
+        gaps: Sequence[JointGap],
+        named: Sequence[Sequence[Named]],
+    ) -> Touches | None:
+        """Contact in what a fit of the names leaves in all rows."""
         residuals, explained = (np.zeros((len(self.panel), self.model.n)) for _ in range(2))
         counts = self.panel.gather(self.rests.counts)
         for gap, names in zip(gaps, named, strict=True):
-            left, rest = gap.everywhere(self.panel, [n.trial for n in names]), ~counts[:, gap.joint]
+            left, rest = leaves(gap, self.panel, [n.trial for n in names]), ~counts[:, gap.joint]
             residuals[gap.keep, gap.joint] = left[gap.keep]
             residuals[rest, gap.joint] = self.rests.beyond(gap.joint, left[rest])
             if names:
-                explained[gap.keep, gap.joint] = (gap.everywhere(self.panel) - left)[gap.keep]
+                explained[gap.keep, gap.joint] = (leaves(gap, self.panel, ()) - left)[gap.keep]
         found = find_touches(self.panel, self.survey, residuals, explained)
         # A burst that the motion predicts is an effect that was not named, and no touch.
         everything = np.arange(len(self.panel))

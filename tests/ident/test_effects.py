@@ -9,11 +9,11 @@ from scipy.interpolate import CubicSpline
 
 from ident.effects import load_catalogue
 from ident.effects.base import Context, Effect, initial_term
-from ident.effects.friction import Coulomb, LoadFriction, PositionFriction, ViscousNonlinear
-from ident.effects.hysteresis import MaxwellSlip
-from ident.effects.rigid_body import Links, RotorInertia
+from ident.effects.friction import Coulomb, LoadFriction, PositionFriction, Stribeck, ViscousNonlinear
+from ident.effects.hysteresis import Backlash, MaxwellSlip
+from ident.effects.rigid_body import CableSpring, Links, RotorInertia
 from ident.effects.timing import Delay, FilterLag
-from ident.effects.transmission import Elasticity
+from ident.effects.transmission import CrossJointFriction, Elasticity, GearRipple
 from ident.errors import InputError
 from ident.model import NEWTON_METRE, CurrentModel
 from ident.robot import load_robot
@@ -229,7 +229,76 @@ def test_a_power_of_speed_is_tried_on_either_side_of_viscous_friction():
 @pytest.mark.parametrize(("reach", "fewest"), [(1.5, 1.05), (6.0, 0.3), (0.01, 6.0)])
 def test_friction_swings_a_quarter_and_more_over_the_angles_seen(reach, fewest):
     survey = SimpleNamespace(smoothing=np.full(6, 2e-3), reach=np.full(6, reach))
-    (form,) = PositionFriction.candidates(survey, 1)
-    (swings,) = form.shapes
-    assert swings.lower == pytest.approx(fewest, abs=0.01)
-    assert all(swings.lower < start < swings.upper for start in swings.starts)
+    one, two = PositionFriction.candidates(survey, 1)
+    assert (one.harmonics, two.harmonics) == (1, 2)
+    for (swings,) in (one.shapes, two.shapes):
+        assert swings.lower == pytest.approx(fewest, abs=0.01)
+        assert all(swings.lower < start < swings.upper for start in swings.starts)
+
+
+@pytest.mark.parametrize(
+    ("effect", "shape"),
+    [
+        (Stribeck(1, power=None), [0.1, 1.4]),
+        (GearRipple(1, harmonics=2), [7.0]),
+        (PositionFriction(1, harmonics=1), [2.0]),
+        (CableSpring(1), [0.4]),
+    ],
+)
+def test_gradients_of_fuller_forms_are_central_differences(context, effect, shape):
+    shape = np.array(shape)
+    gradient = effect.gradient(context, shape)
+    for s, step in enumerate(1e-5 * np.eye(len(shape))):
+        slope = (
+            effect.columns(context, shape + step, effect.start())
+            - effect.columns(context, shape - step, effect.start())
+        ) / 2e-5
+        np.testing.assert_allclose(gradient[s], slope, atol=1e-5 * np.abs(slope).max())
+
+
+def test_a_searched_power_of_stribeck_friction_is_the_given_one(context):
+    given, searched = Stribeck(1, power=1.3), Stribeck(1, power=None)
+    columns = given.columns(context, np.array([0.05]), given.start())
+    np.testing.assert_allclose(searched.columns(context, np.array([0.05, 1.3]), searched.start()), columns)
+    assert searched.summary(context.robot, np.array([0.05, 1.3]), np.array([2.0])) == {
+        "force": 2.0,
+        "speed": 0.05,
+        "power": 1.3,
+    }
+
+
+@pytest.mark.parametrize("falls", [True, False])
+def test_noise_of_the_position_does_not_open_the_gap(vs060, falls):
+    t = np.arange(2000) * 0.005
+    q, dq = np.zeros((2, len(t), 6))
+    q[:, 1], dq[:, 1] = np.sin(t), np.cos(t)
+    effect, noise = Backlash(1, falls), np.random.default_rng(0).normal(0.0, 1e-5, q.shape)
+    load = np.ones_like(q)
+    missing = [
+        effect.columns(Context(vs060, Motion(t, moved, dq, np.zeros_like(q)), load), np.array([2e-3]), effect.start())
+        for moved in (q, q + noise)
+    ]
+    assert 0.001 < -missing[0].mean() < 0.1
+    np.testing.assert_allclose(missing[1].mean(), missing[0].mean(), rtol=0.5)
+
+
+def test_a_link_that_stays_is_not_pressed_against_a_flank_at_rest(vs060):
+    q = np.zeros((6, 6))
+    q[:, 2] = [0.0, 2e-3, 1e-3, 1e-3, 1e-3, 2e-3]
+    dq = np.zeros_like(q)
+    dq[[0, 1, 2, 5], 2] = 0.1
+    context = Context(vs060, Motion(np.arange(6.0), q, dq, np.zeros_like(q)), np.ones_like(q))
+    stays, falls = (Backlash(2, f) for f in (False, True))
+    missing = [-e.columns(context, np.array([2e-3]), e.start())[:, 0] for e in (stays, falls)]
+    np.testing.assert_allclose(missing[0], [1.0, 0.0, 1.0, 1.0, 1.0, 0.0], atol=1e-6)
+    np.testing.assert_allclose(missing[1], [0.0, 0.0, 1.0, 0.0, 0.0, 0.0], atol=1e-6)
+
+
+def test_a_mix_of_two_joints_is_no_friction_of_one(vs060):
+    survey = SimpleNamespace(robot=vs060)
+    forms = CrossJointFriction.candidates(survey, 4)
+    assert {(form.source, form.side) for form in forms} == {(k, side) for k in (0, 1, 2, 3, 5) for side in (1, -1)}
+    for form in forms:
+        mix = form.shapes[0]
+        assert min(abs(mix.lower), abs(mix.upper)) == pytest.approx(0.2)
+        assert mix.ends == (form.side > 0, form.side < 0)

@@ -345,11 +345,11 @@ def test_every_effect_has_an_experiment_that_settles_it():
 
 
 def test_the_next_experiment_is_the_motion_on_which_two_names_differ(arm):
-    train = logs(arm, 1, hidden=lambda t, q, dq: 0.3 * np.sign(dq[:, 1]) * np.exp(-np.abs(dq[:, 1] / 0.04)))
+    train = logs(arm, 1, hidden=lambda t, q, dq: 0.3 * np.tanh(dq[:, 1] / 0.06))
     model = baseline_model(arm, train)
     panel = panel_of(model, train)
-    effects = {name: load_catalogue()[name](1) for name in ("stribeck", "viscous-nonlinear")}
-    stribeck = Trial(effects["stribeck"], np.array([0.04]), 0.0)
+    effects = {name: load_catalogue()[name](1) for name in ("sigmoid", "viscous-nonlinear")}
+    sigmoid = Trial(effects["sigmoid"], np.array([0.03, 0.0]), 0.0)
     power = Trial(effects["viscous-nonlinear"], np.array([0.5]), 0.0)
 
     def moved(speed):
@@ -365,13 +365,43 @@ def test_the_next_experiment_is_the_motion_on_which_two_names_differ(arm):
         return Joined(both, JointGap(1, matrix, both.force[:, 1], np.ones(len(v), dtype=bool), ()), added)
 
     motions = {name: joined(moved(speed)) for name, speed in (("fast", 2.0), ("slow", 0.08))}
-    found = separating(Question(stribeck, power, (), NOISE), motions)
-    alone = separating(Question(stribeck, power, (), NOISE), {"fast": motions["fast"]})
-    assert found.motion == "slow"
+    found = separating(Question(sigmoid, power, (), NOISE), motions)
+    alone = separating(Question(sigmoid, power, (), NOISE), {"slow": motions["slow"]})
+    assert found.motion == "fast"  # a power of speed grows on, a sigmoid does not
     assert found.ratio > 1.2 * alone.ratio
-    same = separating(Question(stribeck, stribeck, (), NOISE), motions)
+    same = separating(Question(sigmoid, sigmoid, (), NOISE), motions)
     assert same.ratio < 1e-3
     assert not same.settles
+
+
+def test_touches_so_many_that_they_bend_the_model_are_found(arm):
+    def pushes(t, q, dq):
+        return 0.8 * np.sum([np.tanh((t - s) / 0.05) - np.tanh((t - s - 2.0) / 0.05) for s in range(3, 58, 9)], axis=0)
+
+    found = structure(arm, hidden=pushes)
+    (one,) = found.findings
+    assert (one.effect, one.joints) == ("contact", (1,))
+    assert one.parameters["episodes"] == 3 * 7
+    assert one.parameters["seconds"] == pytest.approx(3 * 7 * 2.0, rel=0.15)
+    assert found.unexplained == ()
+
+
+def test_a_cable_hangs_free_at_an_angle_of_its_own(arm):
+    found = structure(arm, hidden=lambda t, q, dq: 0.2 * (q[:, 1] - 0.5) + 0.5 * (q[:, 1] - 0.5) ** 3)
+    (one,) = found.findings
+    assert (one.effect, one.joints) == ("cable-spring", (1,))
+    assert one.parameters["neutral"] == pytest.approx(0.5, abs=0.05)
+    assert one.parameters["stiffening"] == pytest.approx(0.5, rel=0.15)
+
+
+def test_a_ripples_second_harmonic_is_part_of_it(arm):
+    def ripple(t, q, dq):
+        return 0.2 * np.sin(7 * q[:, 1] + 0.3) + 0.07 * np.sin(14 * q[:, 1] + 1.0)
+
+    (one,) = structure(arm, hidden=ripple).findings
+    assert one.effect in ("gear-ripple", "cogging")
+    assert one.parameters["per_turn"] == pytest.approx(7.0, abs=0.1)
+    assert one.parameters["second_harmonic"] == pytest.approx(0.07, rel=0.15)
 
 
 def test_a_burst_is_held_against_what_is_usual_in_motion(arm, monkeypatch):
