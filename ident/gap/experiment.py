@@ -12,6 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ident.arrays import FloatArray
+from ident.cutoff import HIGHEST_SHARE
 from ident.gap.candidates import Trial, admissible, coefficients, refine
 from ident.gap.joint_gap import JointGap
 from ident.gap.panel import Panel
@@ -77,7 +78,8 @@ class Joined:
 
 def with_motion(model: CurrentModel, panel: Panel, commanded: JointLog) -> tuple[Panel, int]:
     """Put a commanded motion's rows behind some of a panel's, and say how many they are."""
-    blocks = collect([commanded], model.cutoff)
+    # Logs may be sampled faster than the motion.
+    blocks = collect([commanded], min(model.cutoff, HIGHEST_SHARE * commanded.rate))
     contexts = [model.context(block.motion, total=True) for block in blocks]
     own = [np.flatnonzero(block.keep) for block in blocks]
     every = max(1, sum(len(r) for r in own) // ROWS)

@@ -374,6 +374,16 @@ def test_the_next_experiment_is_the_motion_on_which_two_names_differ(arm):
     assert not same.settles
 
 
+def test_a_motion_may_be_sampled_slower_than_the_logs(arm):
+    train = logs(arm, 1)
+    model = replace(baseline_model(arm, train), cutoff=20.0)
+    t, q, _, _ = motion(4)
+    slow = JointLog(t=t[::4], q=q[::4], current=np.zeros_like(q[::4]))
+    panel, added = with_motion(model, panel_of(model, train), slow)
+    assert 0 < added <= len(slow)
+    assert np.isfinite(panel.velocity).all()
+
+
 def test_touches_so_many_that_they_bend_the_model_are_found(arm):
     def pushes(t, q, dq):
         return 0.8 * np.sum([np.tanh((t - s) / 0.05) - np.tanh((t - s - 2.0) / 0.05) for s in range(3, 58, 9)], axis=0)
