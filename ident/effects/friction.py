@@ -243,8 +243,9 @@ class ViscousNonlinear(VelocityEffect):
         return (Shape("exponent", "1", self.least, self.most, starts or middle, ends=(self.least < 1.0, False)),)
 
     def coefficients(self, robot: Robot) -> tuple[Coefficient, ...]:
-        """Return the friction at 1 rad/s (1 m/s), never negative: on either side of one a power bends its own way."""
-        return (Coefficient("force", "{current}", lower=0.0),)
+        """Return the friction at 1 rad/s (1 m/s), never negative if the exponent keeps to one side of one."""
+        one_sided = self.least > 1.0 or self.most < 1.0
+        return (Coefficient("force", "{current}", lower=0.0 if one_sided else -np.inf),)
 
     def columns(self, context: Context, shape: FloatArray, memory: FloatArray) -> FloatArray:
         """Return sign(dq) |dq|^exponent."""
