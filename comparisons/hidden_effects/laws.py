@@ -101,7 +101,8 @@ def sign(v: FloatArray, smooth: float = 2e-3) -> FloatArray:
 def _(s: Scene, j: int, a: float, rng: np.random.Generator) -> tuple[FloatArray, dict[str, float]]:
     speed = rng.uniform(0.025, 0.05)
     v = s.dq[:, j]
-    return on(s, j, a * sign(v) * np.exp(-((np.abs(v) / speed) ** 1.5))), {"force": a, "speed": speed}
+    # Hess and Soom's curve (1990) instead of an exponential; at this speed 1/e of it is left.
+    return on(s, j, a * sign(v) / (1.0 + (np.e - 1.0) * (v / speed) ** 2)), {"force": a, "speed": speed}
 
 
 @law("sigmoid")
