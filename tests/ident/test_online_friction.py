@@ -119,6 +119,17 @@ def test_the_loop_gives_the_columns(vs060, name, seed):
     np.testing.assert_allclose(ours.flat, theirs.flat, rtol=1e-12, atol=1e-12)
 
 
+def test_a_searched_power_is_encoded_and_a_second_harmonic_left_to_its_columns(vs060):
+    rng = np.random.default_rng(7)
+    kinds = CATALOGUE["stribeck"], CATALOGUE["gear-ripple"]
+    forms = kinds[0](4, power=None), kinds[1](0, harmonics=2)
+    model = model_of(vs060, *(term(effect, rng, vs060) for effect in forms))
+    assert model.one_sample.encoded == (False, True, False)
+    motion = wander(rng)
+    expected = by_columns(model, motion, model.start())[:, 4]
+    np.testing.assert_allclose(by_samples(model, motion, model.start())[:, 4], expected, rtol=1e-9, atol=1e-12)
+
+
 def test_memory_goes_on_between_samples_and_blocks(vs060):
     rng = np.random.default_rng(5)
     slips = [
