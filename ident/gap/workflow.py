@@ -292,24 +292,15 @@ class _Workflow:
         return replace(found.bare().without(~panel.gather(self.rests.counts)[:, joint]), sticks=True)
 
     def touches(self, gaps: Sequence[JointGap], named: Sequence[Sequence[Named]]) -> Touches | None:
-        """Contact in what names leave, if there is any; many touches show only where none has bent the links."""
-        return self.touches_in(JointGap.everywhere, gaps, named) or self.touches_in(undisturbed, gaps, named)
-
-    def touches_in(
-        self,
-        leaves: Callable[[JointGap, Panel, Sequence[Trial]], FloatArray],
-        gaps: Sequence[JointGap],
-        named: Sequence[Sequence[Named]],
-    ) -> Touches | None:
-        """Contact in what a fit of the names leaves in all rows."""
+        """Contact in what names leave, if there is any."""
         residuals, explained = (np.zeros((len(self.panel), self.model.n)) for _ in range(2))
         counts = self.panel.gather(self.rests.counts)
         for gap, names in zip(gaps, named, strict=True):
-            left, rest = leaves(gap, self.panel, [n.trial for n in names]), ~counts[:, gap.joint]
+            left, rest = undisturbed(gap, self.panel, [n.trial for n in names]), ~counts[:, gap.joint]
             residuals[gap.keep, gap.joint] = left[gap.keep]
             residuals[rest, gap.joint] = self.rests.beyond(gap.joint, left[rest])
             if names:
-                explained[gap.keep, gap.joint] = (leaves(gap, self.panel, ()) - left)[gap.keep]
+                explained[gap.keep, gap.joint] = (undisturbed(gap, self.panel) - left)[gap.keep]
         found = find_touches(self.panel, self.survey, residuals, explained)
         # A burst that the motion predicts is an effect that was not named, and no touch.
         everything = np.arange(len(self.panel))
