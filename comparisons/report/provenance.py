@@ -9,9 +9,10 @@ import sys
 from collections.abc import Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime
-from glob import glob
 from pathlib import Path
 from typing import Any
+
+from ident.readers import log_files
 
 LIBRARIES = ("numpy", "scipy", "pin", "numba")
 """Libraries whose version may change a figure."""
@@ -74,7 +75,7 @@ def provenance(
         versions={name: version for name, version in versions.items() if version},
         machine=f"{platform.system()} {platform.machine()}",
         seed=seed,
-        inputs=tuple((path, _size(Path(path))) for given in inputs for path in _expanded(str(given))),
+        inputs=tuple((str(path), _size(path)) for given in inputs for path in _read(Path(given))),
     )
 
 
@@ -85,8 +86,8 @@ def _version(name: str) -> str:
         return ""
 
 
-def _expanded(given: str) -> list[str]:
-    return [given] if Path(given).exists() else sorted(glob(given)) or [given]
+def _read(given: Path) -> list[Path]:
+    return [given] if given.exists() else log_files(given) or [given]
 
 
 def _size(path: Path) -> int:

@@ -31,13 +31,13 @@ class Untestable:
 
 
 def untestable(
-    panel: Panel, survey: Survey, gaps: Sequence[JointGap], problems: Sequence[JointProblem], sticking: Sequence[int]
+    panel: Panel, survey: Survey, gaps: Sequence[JointGap], problems: Sequence[JointProblem]
 ) -> list[Untestable]:
-    """Effects of the catalogue that nothing in these rows could show; the rests of joints that stick are left out."""
+    """Effects of the catalogue that nothing in these rows could show."""
     found: dict[tuple[str, str], list[int]] = {}
     for gap, problem in zip(gaps, problems, strict=True):
         for name, effects in _by_name(forms(survey, gap.joint, gap.present)).items():
-            reason = _reason(panel, survey, gap, problem, effects, gap.joint in sticking)
+            reason = _reason(panel, survey, gap, problem, effects)
             if reason is not None:
                 found.setdefault((name, reason), []).append(gap.joint)
     result = [
@@ -58,14 +58,14 @@ def _by_name(effects: Sequence[Effect]) -> dict[str, list[Effect]]:
 
 
 def _reason(
-    panel: Panel, survey: Survey, gap: JointGap, problem: JointProblem, effects: Sequence[Effect], sticks: bool
+    panel: Panel, survey: Survey, gap: JointGap, problem: JointProblem, effects: Sequence[Effect]
 ) -> str | None:
     joint, name = gap.joint, effects[0].name
     speed = speed_of(panel, problem, joint)
     if np.quantile(speed, 0.99) < REST:
         return "the joint never moves"
     if name in ("coulomb-asymmetry", "maxwell-slip") and np.mean(speed < REST) < RESTS:
-        if sticks:
+        if gap.sticks:
             return "the joint sticks: where it stands, dry friction holds any current"
         if np.mean(np.abs(panel.velocity[:, joint]) < REST) >= RESTS:
             return "its velocity is too noisy to tell rest from motion: log positions with less noise"

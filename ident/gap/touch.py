@@ -75,10 +75,9 @@ def undisturbed(gap: JointGap, panel: Panel, named: Sequence[Trial] = ()) -> Flo
     Touches had bent them if most rows are left with less than a quarter of what fitting all of them leaves. A log so
     short that any rows could be fitted is not asked.
     """
-    kept, plain = gap.keep, gap.everywhere(panel, named)
-    left = plain
+    left = plain = gap.everywhere(panel, named)
     stretches = (1.0 - RAREST) * gap.keep.sum() * row_step(panel) / SMOOTH
-    if stretches < STRETCHES * (gap.matrix.shape[1] + len(named)):
+    if stretches < STRETCHES * max(1, gap.matrix.shape[1] + len(named)):
         return plain
     for _ in range(STEPS):
         size = np.abs(_averaged(panel, left))

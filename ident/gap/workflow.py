@@ -327,7 +327,7 @@ class _Workflow:
             findings.append(_contact(contacts))
         findings.sort(key=lambda f: -f.explained)
         self.tell("settling names", 0.6)
-        missing = untestable(self.panel, self.survey, causes.gaps, problems, self.rests.joints)
+        missing = untestable(self.panel, self.survey, causes.gaps, problems)
         terms = [finding.terms for finding in findings]
         models = [self.fitted(self.model, list(chain(*terms[: k + 1]))) for k in range(len(terms))]
         if self.lag is not None:

@@ -31,7 +31,7 @@ def open_log(path: str | Path, robot: Robot) -> LogSource:
     if not path.exists():
         raise InputError("no such log", str(path), "check the path")
     if path.is_dir() and not _is_bag_folder(path):
-        inside = _expand(path)
+        inside = log_files(path)
         if len(inside) != 1:
             raise InputError(f"a folder with {len(inside)} logs in it", str(path), "name one of them")
         return open_log(inside[0], robot)
@@ -72,7 +72,7 @@ def open_logs(patterns: Sequence[str | Path], robot: Robot) -> list[LogSource]:
     """
     paths: dict[Path, Path] = {}
     for pattern in patterns:
-        found = _expand(Path(pattern))
+        found = log_files(Path(pattern))
         if not found:
             what = "no log in the folder" if Path(pattern).is_dir() else "no log matches"
             raise InputError(what, str(pattern), f"give files ({', '.join(SUFFIXES)}), a glob or a folder")
@@ -83,7 +83,12 @@ def open_logs(patterns: Sequence[str | Path], robot: Robot) -> list[LogSource]:
     return [open_log(path, robot) for path in paths.values()]
 
 
-def _expand(pattern: Path) -> list[Path]:
+def log_files(pattern: Path) -> list[Path]:
+    """Return what a file, glob or folder names, sorted; nothing where it names no log.
+
+    Args:
+        pattern: a file, a glob (``**`` goes into folders), or a folder, whose logs are taken without going deeper.
+    """
     if pattern.is_dir() and not _is_bag_folder(pattern):
         return sorted(path for path in pattern.iterdir() if _is_log(path))
     if pattern.exists():

@@ -51,6 +51,13 @@ def part(context, rows):
     return Context(context.robot, context.motion[rows], context.load[rows], context.links, context.total[rows])
 
 
+def central_difference(context, effect, shape, s, step):
+    """Slope of an effect's columns by the s-th shape parameter."""
+    moved = step * np.eye(len(shape))[s]
+    sides = [effect.columns(context, shape + sign * moved, effect.start()) for sign in (1, -1)]
+    return (sides[0] - sides[1]) / (2 * step)
+
+
 def test_the_catalogue_has_the_contracts_names():
     contract = """payload base-tilt
     cable-spring gravity-balancer rotor-inertia coulomb viscous coulomb-asymmetry stribeck
@@ -70,11 +77,7 @@ def test_gradients_are_central_differences(context, name, start):
     gradient = effect.gradient(context, shape)
     assert gradient.shape == (len(shape), len(context.motion), len(effect.coefficients(context.robot)))
     for s in range(len(shape)):
-        step = 1e-6 * max(abs(shape[s]), 1e-3)
-        sides = [
-            effect.columns(context, shape + sign * step * np.eye(len(shape))[s], effect.start()) for sign in (1, -1)
-        ]
-        slope = (sides[0] - sides[1]) / (2 * step)
+        slope = central_difference(context, effect, shape, s, 1e-6 * max(abs(shape[s]), 1e-3))
         # A Maxwell element that sticks at one step and slips at the other has no slope there.
         smooth = np.abs(gradient[s] - slope) <= 1e-5 * np.abs(gradient[s]).max()
         assert smooth.mean() > (0.99 if effect.family == "hysteresis" else 0.9999)
@@ -248,11 +251,8 @@ def test_friction_swings_a_quarter_and_more_over_the_angles_seen(reach, fewest):
 def test_gradients_of_fuller_forms_are_central_differences(context, effect, shape):
     shape = np.array(shape)
     gradient = effect.gradient(context, shape)
-    for s, step in enumerate(1e-5 * np.eye(len(shape))):
-        slope = (
-            effect.columns(context, shape + step, effect.start())
-            - effect.columns(context, shape - step, effect.start())
-        ) / 2e-5
+    for s in range(len(shape)):
+        slope = central_difference(context, effect, shape, s, 1e-5)
         np.testing.assert_allclose(gradient[s], slope, atol=1e-5 * np.abs(slope).max())
 
 

@@ -64,8 +64,7 @@ def test_an_effect_is_named_beside_rests_eight_times_the_noise(arm, power):
     assert found.rests == (0, 1)
     (one,) = found.findings
     assert (one.effect, one.joints) == ("stribeck", (1,))
-    if power == 2:  # the catalogue's own law; the speed of another means something else
-        assert one.parameters["speed"] == pytest.approx(0.06, rel=0.15)
+    assert one.parameters["speed"] == pytest.approx(0.06, rel=0.15)
     assert found.evidence.moving[-1][1] < 1.1 * NOISE
 
 
