@@ -67,7 +67,7 @@ class Design:
         count = 0
         for joint in [None, *range(self.robot.n)]:
             for k, term in enumerate(self.terms):
-                if term.effect.joint != joint:
+                if term.effect.acts_on != joint:
                     continue
                 numbers = range(count, count + len(term.effect.coefficients(self.robot)))
                 count = numbers.stop
@@ -107,9 +107,9 @@ class Design:
         acting = [
             (term, memory)
             for term, memory in zip(self.terms, memories, strict=True)
-            if term.effect.joint in (None, joint)
+            if term.effect.acts_on in (None, joint)
         ]
-        acting.sort(key=lambda pair: pair[0].effect.joint is not None)
+        acting.sort(key=lambda pair: pair[0].effect.acts_on is not None)
         columns = [term.effect.row(context, term.shape, memory, joint) for term, memory in acting]
         return np.hstack([*columns, np.zeros((len(context.motion.t), 0))])
 
@@ -121,7 +121,7 @@ class Design:
     def _for(self, memories: list[FloatArray], last: bool) -> list[FloatArray]:
         """Memories for one joint's row: an effect of the whole robot is asked for every row and must move on once."""
         return [
-            memory if last or term.effect.joint is not None else memory.copy()
+            memory if last or term.effect.acts_on is not None else memory.copy()
             for term, memory in zip(self.terms, memories, strict=True)
         ]
 

@@ -83,7 +83,8 @@ def fit(
         drives: force unit per unit of current.
         robust: weight rows by Huber's function, against contacts and outliers (two more passes).
         progress: called with the share of the work done.
-        shapes: shape parameters of each effect, which are then kept instead of searched.
+        shapes: shape parameters of each effect, which are then kept instead of searched. Those of effects that depend
+            on the fitted model are searched from there: they were found with another model.
         counts: which joints' rows are learnt from; all where not given.
     """
     tell = progress or (lambda share: None)
@@ -121,7 +122,7 @@ def settle(
 ) -> Design:
     """Return the design with shape parameters, and what effects need of a fitted model, that fit the held rows."""
     needs_model = any(term.effect.needs for term in design.terms)
-    has_shapes = search and any(term.effect.shapes for term in design.terms)
+    has_shapes = any(term.effect.shapes and (search or term.effect.needs) for term in design.terms)
     if not (needs_model or has_shapes):
         return design
     before = np.inf
@@ -132,7 +133,7 @@ def settle(
             solution = solve(first, factorise(first, first.rows(held)))
             design = replace(design, known=_sees(solved_model(first, solution, drives, cutoff, rate), design))
         if has_shapes:
-            design = optimise_shapes(design, held)
+            design = optimise_shapes(design, held, dependent=not search)
         if not needs_model:
             break
         now = float(np.sum(np.log(solve(design, factorise(design, design.rows(held))).variance)))

@@ -183,7 +183,7 @@ class GainRegression:
         """Find gains and coefficients for one design; weights follow the residual of the round before."""
         design = optimise_shapes(design, self.held)
         factors = factorise(design, design.rows(self._walk()))
-        shared = sum(len(design.columns_of_term(k)) for k, t in enumerate(design.terms) if t.effect.joint is None)
+        shared = sum(len(design.columns_of_term(k)) for k, t in enumerate(design.terms) if t.effect.acts_on is None)
         triangles = [without_own(upper, shared) for upper in factors.triangles]
         coefficients = [least(upper[:, :-1], upper[:, -1]) for upper in factors.triangles]
         rows = list(design.rows(self.held))

@@ -175,6 +175,6 @@ class CurrentModel:
             for term, memory in left:
                 effect = term.effect
                 if ("total" in effect.needs) == late and not isinstance(effect, Links):
-                    joints = slice(None) if effect.joint is None else effect.joint
+                    joints = slice(None) if effect.acts_on is None else effect.acts_on
                     force[:, joints] += effect.current(context, term.shape, term.coefficients, memory)
         return force

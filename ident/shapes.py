@@ -20,16 +20,25 @@ def optimise_shapes(
     blocks: Sequence[Block],
     joints: Sequence[int] | None = None,
     contexts: Sequence[Context] | None = None,
+    dependent: bool = False,
 ) -> Design:
     """Return the design with the shape parameters that fit the blocks best, joint by joint (default: every joint).
 
     While a joint's shapes are searched, its row has link parameters of its own: the search then needs no other row.
     The gradient is Kaufman's (1975, BIT 15:49) on the effects' own derivatives.
+
+    Args:
+        design: the regression.
+        blocks: its rows.
+        joints: whose shapes are searched.
+        contexts: what effects see of each block.
+        dependent: whether only effects are searched that depend on the fitted model.
     """
     terms = list(design.terms)
     contexts = contexts or [design.context(block.motion) for block in blocks]
     for joint in range(design.robot.n) if joints is None else joints:
-        searched = [k for k, t in enumerate(terms) if t.effect.joint == joint and t.effect.shapes]
+        own = [k for k, t in enumerate(terms) if t.effect.acts_on == joint and t.effect.shapes]
+        searched = [k for k in own if terms[k].effect.needs or not dependent]
         if searched:
             for k, shape in zip(searched, _search(design, blocks, contexts, joint, searched), strict=True):
                 terms[k] = replace(terms[k], shape=shape)
@@ -109,7 +118,7 @@ class _Projection:
     def of(
         design: Design, blocks: Sequence[Block], contexts: Sequence[Context], joint: int, searched: list[int]
     ) -> _Projection:
-        fixed = tuple(t for k, t in enumerate(design.terms) if k not in searched and t.effect.joint in (None, joint))
+        fixed = tuple(t for k, t in enumerate(design.terms) if k not in searched and t.effect.acts_on in (None, joint))
         rest = replace(design, terms=fixed)
         keep = [design.kept(block, joint) for block in blocks]
         matrix = np.vstack([rest.matrix(c, rest.start(), joint)[k] for c, k in zip(contexts, keep, strict=True)])

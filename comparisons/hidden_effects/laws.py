@@ -194,12 +194,12 @@ def _(s: Scene, j: int, a: float, rng: np.random.Generator) -> tuple[FloatArray,
 
 @law("elasticity")
 def _(s: Scene, j: int, a: float, rng: np.random.Generator) -> tuple[FloatArray, dict[str, float]]:
-    load, compliance = s.torque[:, j], min(1e-4 * a, WINDS / (LARGE * s.coulomb[j]))
+    compliance = min(1e-4 * a, WINDS / (LARGE * s.coulomb[j]))
     wind = np.zeros_like(s.q)
-    wind[:, j] = compliance * load
+    wind[:, j] = compliance * s.torque[:, j]
     speed, bend = np.gradient(wind, s.t, axis=0), np.gradient(np.gradient(wind, s.t, axis=0), s.t, axis=0)
     late = s.body.inverse_dynamics(s.q - wind, s.dq - speed, s.ddq - bend, s.parameters)
-    return on(s, j, late[:, j] - load), {"stiffness": 1.0 / compliance}
+    return late - s.torque, {"stiffness": 1.0 / compliance}
 
 
 @law("gear-ripple")

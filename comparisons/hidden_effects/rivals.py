@@ -215,7 +215,7 @@ def _names(shared: Library, terms: dict[int, list[Term]]) -> tuple[Name, ...]:
         for term in own:
             columns = shared.panel.columns(term.effect, term.shape, joint)[problem.keep]
             figures = plain_figures(term.effect.summary(shared.model.robot, term.shape, term.coefficients))
-            joints = () if term.effect.joint is None else (joint,)
+            joints = () if term.effect.joint is None else (term.effect.joint,)
             found.append((problem.drop(columns) / max(size, 1e-300), Name(term.effect.name, joints, (), figures)))
     found.sort(key=lambda pair: -pair[0])
     return tuple(_merged([name for _, name in found]))
@@ -233,8 +233,8 @@ def _merged(names: Sequence[Name]) -> list[Name]:
 
 def _extended(shared: Library, terms: Sequence[Term], train: Sequence[LogSource]) -> CurrentModel:
     """Return the model with what was chosen, refitted, or with the terms added to it."""
-    single = [t for t in terms if t.effect.joint is not None]
-    whole = {t.effect.name: t for t in terms if t.effect.joint is None}
+    single = [t for t in terms if t.effect.acts_on is not None]
+    whole = {t.effect: t for t in terms if t.effect.acts_on is None}
     model = shared.model
     everything = [*model.terms, *single, *(_shared_fit(shared, t) for t in whole.values())]
     if not shared.refit:

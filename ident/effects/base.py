@@ -179,6 +179,11 @@ class Effect(ABC):
             raise InputError("it needs a joint", f"effect {self.name}", "give joint=0 for the first joint")
         return self.joint
 
+    @property
+    def acts_on(self) -> int | None:
+        """The joint in whose rows it shows; None in those of all: of the whole robot, or of one joint that all feel."""
+        return self.joint
+
     def rivals_with(self, other: Effect) -> bool:
         """Return whether either is easily taken for the other."""
         return other.name in self.rivals or self.name in other.rivals
@@ -194,12 +199,12 @@ class Effect(ABC):
 
     @abstractmethod
     def columns(self, context: Context, shape: FloatArray, memory: FloatArray) -> FloatArray:
-        """Columns (N, k) at the effect's joint, or (N, n, k) for the whole robot, per unit of each coefficient."""
+        """Columns (N, k) at the joint that it acts on, or (N, n, k) if on all, per unit of each coefficient."""
 
     def row(self, context: Context, shape: FloatArray, memory: FloatArray, joint: int) -> FloatArray:
         """Columns (N, k) at one of the joints that the effect acts on."""
         columns = self.columns(context, shape, memory)
-        return columns[:, joint] if self.joint is None else columns
+        return columns[:, joint] if self.acts_on is None else columns
 
     def start(self) -> FloatArray:
         """Memory as it stands at the start of a segment; empty for effects without memory."""
@@ -226,7 +231,7 @@ class Effect(ABC):
         return True
 
     def current(self, context: Context, shape: FloatArray, coefficients: FloatArray, memory: FloatArray) -> FloatArray:
-        """Current (N,) at the effect's joint, or (N, n), that the effect causes."""
+        """Current (N,) at the joint that it acts on, or (N, n), that the effect causes."""
         return self.columns(context, shape, memory) @ coefficients
 
     def gradient(self, context: Context, shape: FloatArray) -> FloatArray:

@@ -165,14 +165,24 @@ def most_of_gears(survey: Survey, joint: int) -> float:
     return GEAR_HARMONICS * (USUAL_RATIO if ratio is None else max(abs(float(ratio[joint])), 2.0))
 
 
+WOUND = 1e-2
+"""Wind-up [rad or m] at the largest force for which an elasticity is taken that acts on all rows."""
+
+
 @dataclass(frozen=True)
 class Elasticity(ToldAtLargest):
     """A spring between motor and link (Spong 1987): the link lags behind the motor by the load over the stiffness.
 
     The motor carries what the links need where the link is, ``ID(q - wind, dq - wind', ddq - wind'')`` instead of
-    ``ID(q, dq, ddq)``. The difference is taken for a wind-up that is a shape parameter and counts per unit of it: as
-    much as is reported is exact, any other is the spring to first order in its compliance.
+    ``ID(q, dq, ddq)``, and so does every other joint: the difference shows in all rows, and in most robots most in its
+    own. It is taken for a wind-up of ``wound`` at the largest force and counts per unit of it: of as much it is exact,
+    of any other it is the spring to first order in its compliance.
+
+    Attributes:
+        everywhere: whether it acts on all rows, with a fixed ``wound``, or on its own alone, where that is searched.
     """
+
+    everywhere: bool = False
 
     name = "elasticity"
     family = "transmission"
@@ -180,9 +190,23 @@ class Elasticity(ToldAtLargest):
     rivals = ("rotor-inertia", "delay", "backlash")
     excitation = "fast motion: accelerations at a third of the resonance and above"
 
+    @classmethod
+    def candidates(cls, survey: Survey, joint: int | None) -> list[Effect]:
+        """Try it on a joint's own row, and on all rows as a cause of the whole robot that one joint has."""
+        if joint is None:
+            return [cls(k, float(largest), True) for k, largest in enumerate(survey.largest)]
+        return super().candidates(survey, joint)
+
+    @property
+    def acts_on(self) -> int | None:
+        """All rows, or the joint's own."""
+        return None if self.everywhere else self.joint
+
     @property
     def shapes(self) -> tuple[Shape, ...]:
         """Return the wind-up at the largest force for which the links' force is computed."""
+        if self.everywhere:
+            return ()
         return (Shape("wound", "{angle}", 1e-4, 1.0, (1e-3, 1e-2, 0.1), ends=(False, True)),)
 
     def coefficients(self, robot: Robot) -> tuple[Coefficient, ...]:
@@ -195,14 +219,17 @@ class Elasticity(ToldAtLargest):
 
     def columns(self, context: Context, shape: FloatArray, memory: FloatArray) -> FloatArray:
         """Return the change of the load by the wind-up, per unit of it."""
+        wound = WOUND if self.everywhere else float(shape[0])
         links, joint, motion = context.needed("links", self.name), self.at, context.motion
         load = np.ascontiguousarray(context.needed("load", self.name)[:, joint])
-        softness = float(shape[0]) / max(self.largest, 1e-12)
+        softness = wound / max(self.largest, 1e-12)
         link = np.stack([motion.q, motion.dq, motion.ddq])
         past = memory.reshape(2, REMEMBERED)
         link[:, :, joint] -= softness * _with_derivatives(np.ascontiguousarray(motion.t), load, past[0], past[1])
         carried = context.robot.rigid_body.inverse_dynamics(link[0], link[1], link[2], links)
-        change: FloatArray = (carried[:, joint] - load) / shape[0]
+        if self.everywhere:
+            return ((carried - context.needed("load", self.name)) / wound)[:, :, None]
+        change: FloatArray = (carried[:, joint] - load) / wound
         return change[:, None]
 
     def summary(self, robot: Robot, shape: FloatArray, coefficients: FloatArray) -> dict[str, float | list[float]]:

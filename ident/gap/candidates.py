@@ -63,8 +63,12 @@ def forms(survey: Survey, joint: int | None, present: Sequence[Effect]) -> list[
     for entry in load_catalogue().values():
         if entry.name != "links":
             found += entry.candidates(survey, joint)
-    there = {kind_of(effect) for effect in present}
-    return [effect for effect in found if kind_of(effect) not in there]
+    return [effect for effect in found if not any(_same(effect, there) for there in present)]
+
+
+def _same(one: Effect, other: Effect) -> bool:
+    """Whether two effects are of a kind on one joint, or either is on all."""
+    return kind_of(one) == kind_of(other) and (None in (one.joint, other.joint) or one.joint == other.joint)
 
 
 def kind_of(effect: Effect) -> tuple[str, int]:

@@ -50,20 +50,21 @@ class Panel:
     def columns(self, effect: Effect, shape: FloatArray, joint: int) -> FloatArray:
         """Columns (N, k) of an effect in a joint's rows; those without shape are kept, being asked for often."""
         if len(effect.shapes) > 0 or not _hashable(effect):
-            return self._columns(effect, shape, joint)
+            return self._over_rows(effect, lambda context, memory: effect.row(context, shape, memory, joint))
         if (effect, joint) not in self._kept:
-            self._kept[effect, joint] = self._columns(effect, shape, joint)
+            found = self._over_rows(effect, lambda context, memory: effect.columns(context, shape, memory))
+            if effect.acts_on is None:
+                self._kept.update({(effect, j): found[:, j] for j in range(self.robot.n)})
+            else:
+                self._kept[effect, joint] = found
         return self._kept[effect, joint]
 
-    def _columns(self, effect: Effect, shape: FloatArray, joint: int) -> FloatArray:
+    def _over_rows(self, effect: Effect, see: Callable[[Context, FloatArray], FloatArray]) -> FloatArray:
         if effect.start().size == 0:
-            return effect.row(self._looked_at, shape, effect.start(), joint)
+            return see(self._looked_at, effect.start())
         # An effect that remembers must see the rows between.
-        parts = [
-            effect.row(context, shape, effect.start(), joint)[rows]
-            for context, rows in zip(self.contexts, self.rows, strict=True)
-        ]
-        return np.concatenate(parts)
+        pairs = zip(self.contexts, self.rows, strict=True)
+        return np.concatenate([see(context, effect.start())[rows] for context, rows in pairs])
 
     @cached_property
     def _kept(self) -> dict[tuple[Effect, int], FloatArray]:

@@ -25,6 +25,9 @@ SHARE = 0.85
 MAJORITY = 2.0 / 3.0
 """Share of the joints that lack something on which it must explain that much, if not on all together."""
 
+ALONE = 0.8
+"""Share of the gain in likelihood from which a cause shows on one joint alone: else others bear it out."""
+
 BEATS = 1.25
 """What shows on one joint alone must explain this many times what the best effects of single joints do."""
 
@@ -91,15 +94,18 @@ def whole_effect(
     for best in ranking:
         after = best.held_out.sum(axis=1)
         gains = _gains(squares, after)
-        helped = np.flatnonzero((gains > GAIN) & (best.held_out < before).all(axis=1))
-        if len(helped) == 0 or gains.min() < -GAIN:
+        helped = np.flatnonzero(gains > GAIN)
+        # In every fold the joints together must gain: where some move little, others bear it out.
+        repeats = np.log(before / best.held_out).sum(axis=0).min() > 0.0
+        if len(helped) == 0 or gains.min() < -GAIN or not repeats:
             continue
         likelihoods = _likelihoods(problems, squares, after)
-        alone = len(helped) == 1 and (last or panel.robot.n > 1)
+        one = helped[0]
+        alone = len(helped) == 1 and (last or panel.robot.n > 1) and likelihoods[one] >= ALONE * likelihoods.sum()
         if instead is not None and type(best.effect) is type(instead):
             shown = bool(likelihoods.sum() > single[instead.at])
         elif alone:
-            shown = bool(likelihoods[helped[0]] > BEATS * single[helped[0]])
+            shown = bool(likelihoods[one] > BEATS * single[one]) and bool(np.all(best.held_out[one] < before[one]))
         else:
             shown = _rivals(likelihoods, single, affected)
         if shown and (alone or last):

@@ -330,6 +330,8 @@ class _Workflow:
         missing = untestable(self.panel, self.survey, causes.gaps, problems)
         terms = [finding.terms for finding in findings]
         models = [self.fitted(self.model, list(chain(*terms[: k + 1]))) for k in range(len(terms))]
+        if models:
+            findings = self.delivered(findings, models[-1])
         if self.lag is not None:
             models.insert(0, self.model)
             findings.insert(
@@ -344,6 +346,17 @@ class _Workflow:
             self.panel, self.survey, (before, after), causes.p_values, shown, self.rests.joints,
             self.warnings(),
         )  # fmt: skip
+
+    def delivered(self, findings: Sequence[Finding], model: CurrentModel) -> list[Finding]:
+        """Findings with the parameters that the delivered model has of them: its links are fitted beside them all."""
+        terms, found = iter(model.terms[len(self.model.terms) :]), []
+        for finding in findings:
+            if finding.terms:
+                (term,) = own = tuple(next(terms) for _ in finding.terms)
+                figures = term.effect.summary(model.robot, term.shape, term.coefficients)
+                finding = replace(finding, terms=own, parameters=figures)
+            found.append(finding)
+        return found
 
     def warnings(self) -> tuple[str, ...]:
         """What the user should look at: joints that stand still, flipped signs, test logs that go further."""
@@ -369,7 +382,8 @@ class _Workflow:
         figures = effect.summary(self.model.robot, whole.shape, whole.coefficients)
         others = whole.alternatives
         words = next_experiment(effect.name, dict.fromkeys(others))
-        return Finding(effect.name, effect.family, (), figures, whole.p_value, others, words, (term,), np.inf)
+        joints = () if effect.joint is None else (effect.joint,)
+        return Finding(effect.name, effect.family, joints, figures, whole.p_value, others, words, (term,), np.inf)
 
     def joint_finding(self, gap: JointGap, named: Sequence[Named], one: Named, total: float) -> Finding:
         effect, trial = one.effect, one.trial

@@ -173,10 +173,16 @@ def test_a_spring_leaves_the_motor_what_the_links_need_where_they_are(vs060):
     for order, x in enumerate(moved):
         x[:, 1] -= wind(t, order)
     effect = Elasticity(1, largest=30.0)
-    change = 0.02 * effect.columns(Context(vs060, motion, load, links), np.array([0.02]), effect.start())[:, 0]
-    true = vs060.rigid_body.inverse_dynamics(*moved, links)[:, 1] - load[:, 1]
+    context = Context(vs060, motion, load, links)
+    change = 0.02 * effect.columns(context, np.array([0.02]), effect.start())[:, 0]
+    true = vs060.rigid_body.inverse_dynamics(*moved, links) - load
     inside = slice(10, -10)
-    np.testing.assert_allclose(change[inside], true[inside], atol=0.01 * np.abs(true).max())
+    np.testing.assert_allclose(change[inside], true[inside, 1], atol=0.01 * np.abs(true).max())
+    everywhere = dataclasses.replace(effect, everywhere=True)
+    assert everywhere.acts_on is None
+    change = 0.02 * everywhere.columns(context, np.zeros(0), everywhere.start())[:, :, 0]
+    np.testing.assert_allclose(change[inside], true[inside], atol=0.03 * np.abs(true).max())
+    assert np.abs(change[inside]).max(axis=0)[2] > 0.1 * np.abs(true).max()
 
 
 def test_maxwell_elements_stick_slip_and_remember(vs060):

@@ -90,6 +90,8 @@ def test_a_hidden_effect_is_named_sized_and_added(arm, tmp_path):
     before, after = found.evidence.before[1], found.evidence.after[1]
     assert before > 1.4 * NOISE
     assert after < 1.06 * NOISE
+    assert found.model.terms[-1].shape[0] == one.parameters["speed"]
+    assert found.model.terms[-1].coefficients[0] == one.parameters["force"]
     save_model(found.model, tmp_path)
     log = record(arm, 9)
     np.testing.assert_allclose(load_model(tmp_path, arm).predict(log), found.model.predict(log))
@@ -336,6 +338,38 @@ def test_lagging_velocities_are_named_and_left_out(arm):
     found = find_gap(baseline_model(arm, train), train)
     assert found.findings[0].effect == "delay"
     assert found.model.positions_only
+
+
+def test_a_spring_that_all_joints_feel_is_one_joints(arm):
+    links = np.tile(arm.multibody.parameters, (2, 1))
+
+    def sprung(seed):
+        t, *moves = motion(seed)
+        wind = CubicSpline(t, arm.rigid_body.inverse_dynamics(*moves, links)[:, 0] / 200.0)
+        moved = [x - np.column_stack([wind(t, order), np.zeros(len(t))]) for order, x in enumerate(moves)]
+        change = arm.rigid_body.inverse_dynamics(*moved, links) - arm.rigid_body.inverse_dynamics(*moves, links)
+        log = record(arm, seed)
+        return log.replace(current=log.current + change)
+
+    train = [sprung(seed) for seed in (1, 2, 3)]
+    found = find_gap(baseline_model(arm, train), train, [sprung(9)])
+    (one,) = found.findings
+    assert (one.effect, one.joints) == ("elasticity", (0,))
+    assert one.parameters["stiffness"] == pytest.approx(200.0, rel=0.06)
+    np.testing.assert_allclose(found.evidence.after, NOISE, rtol=0.1)
+
+
+def test_a_delay_that_shows_on_one_joint_most_is_borne_out_by_the_others(arm):
+    def late(seed):
+        log = record(arm, seed)
+        late = np.stack([np.interp(log.t - 0.004, log.t, x) for x in log.current.T], axis=1)
+        late[:, 0] += 0.5 * np.random.default_rng(seed).standard_normal(len(log.t))
+        return log.replace(current=late)
+
+    train = [late(seed) for seed in (1, 2, 3)]
+    (one,) = find_gap(baseline_model(arm, train), train).findings
+    assert (one.effect, one.joints) == ("delay", ())
+    assert one.parameters["seconds"] == pytest.approx(0.004, rel=0.1)
 
 
 def test_every_effect_has_an_experiment_that_settles_it():
