@@ -226,9 +226,9 @@ class Effect(ABC):
         names = [s.name for s in self.shapes] + [c.name for c in self.coefficients(robot)]
         return dict(zip(names, [*shape.tolist(), *coefficients.tolist()], strict=True))
 
-    def plausible(self, shape: FloatArray, coefficients: FloatArray) -> bool:
-        """Return whether fitted parameters are what the law means by them; by default all within bounds are."""
-        return True
+    def plain(self, shape: FloatArray) -> FloatArray | None:
+        """Return the only coefficients that its law means at a shape; None, the default, where it means any."""
+        return None
 
     def current(self, context: Context, shape: FloatArray, coefficients: FloatArray, memory: FloatArray) -> FloatArray:
         """Current (N,) at the joint that it acts on, or (N, n), that the effect causes."""

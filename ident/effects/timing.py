@@ -33,9 +33,6 @@ class _Timing(Effect):
 MOST_JOINTS = 32
 """Joints for which the memory has room."""
 
-WHOLE = 1.5
-"""By how much the share of the current that comes late may be off one."""
-
 SAMPLES = 512
 """Samples of the past that a delay remembers."""
 
@@ -73,9 +70,9 @@ class Delay(_Timing):
         """Try it on single joints and on the whole robot."""
         return [cls(joint, 1.0 / survey.rate)]
 
-    def plausible(self, shape: FloatArray, coefficients: FloatArray) -> bool:
-        """Return whether all of the current comes late: a small share of it that comes much later is no delay."""
-        return float(shape[0]) <= max(WHOLE * abs(float(coefficients[0])), self.sample)
+    def plain(self, shape: FloatArray) -> FloatArray | None:
+        """Return the span, so that all of the current comes late; any delay where the span is within a sample."""
+        return None if float(shape[0]) <= self.sample else shape[:1]
 
     def start(self) -> FloatArray:
         """Return the last times and values, none known before the first sample."""
@@ -106,9 +103,9 @@ class FilterLag(_Timing):
         """Return the share of the current that passes the filter; one for a plain low pass."""
         return (Coefficient("share", "1", lower=0.0),)
 
-    def plausible(self, shape: FloatArray, coefficients: FloatArray) -> bool:
-        """Return whether about all of the current passes the filter."""
-        return 1.0 / WHOLE <= float(coefficients[0]) <= WHOLE
+    def plain(self, shape: FloatArray) -> FloatArray | None:
+        """Return one: all of the current passes the filter."""
+        return np.ones(1)
 
     def start(self) -> FloatArray:
         """Return the last time and values, not known before the first sample."""

@@ -48,26 +48,27 @@ class Panel:
         return replace(self, contexts=[model.context(block.motion, total=True) for block in self.blocks])
 
     def columns(self, effect: Effect, shape: FloatArray, joint: int) -> FloatArray:
-        """Columns (N, k) of an effect in a joint's rows; those without shape are kept, being asked for often."""
-        if len(effect.shapes) > 0 or not _hashable(effect):
-            return self._over_rows(effect, lambda context, memory: effect.row(context, shape, memory, joint))
-        if (effect, joint) not in self._kept:
-            found = self._over_rows(effect, lambda context, memory: effect.columns(context, shape, memory))
-            if effect.acts_on is None:
-                self._kept.update({(effect, j): found[:, j] for j in range(self.robot.n)})
-            else:
-                self._kept[effect, joint] = found
-        return self._kept[effect, joint]
+        """Columns (N, k) of an effect in a joint's rows."""
+        found = self.all_columns(effect, shape)
+        return found[:, joint] if effect.acts_on is None else found
 
-    def _over_rows(self, effect: Effect, see: Callable[[Context, FloatArray], FloatArray]) -> FloatArray:
+    def all_columns(self, effect: Effect, shape: FloatArray) -> FloatArray:
+        """An effect's columns, (N, n, k) if it acts on all joints; those without shape are kept, being asked often."""
+        if len(effect.shapes) > 0 or not _hashable(effect):
+            return self._columns(effect, shape)
+        if effect not in self._kept:
+            self._kept[effect] = self._columns(effect, shape)
+        return self._kept[effect]
+
+    def _columns(self, effect: Effect, shape: FloatArray) -> FloatArray:
         if effect.start().size == 0:
-            return see(self._looked_at, effect.start())
+            return effect.columns(self._looked_at, shape, effect.start())
         # An effect that remembers must see the rows between.
         pairs = zip(self.contexts, self.rows, strict=True)
-        return np.concatenate([see(context, effect.start())[rows] for context, rows in pairs])
+        return np.concatenate([effect.columns(context, shape, effect.start())[rows] for context, rows in pairs])
 
     @cached_property
-    def _kept(self) -> dict[tuple[Effect, int], FloatArray]:
+    def _kept(self) -> dict[Effect, FloatArray]:
         return {}
 
     @cached_property

@@ -77,7 +77,7 @@ def _holds(model: CurrentModel) -> FloatArray:
 
 def gap_of(model: CurrentModel, panel: Panel, joint: int) -> JointGap:
     """A joint's rows with the model's columns, which are fitted again, and those by which its sign may turn."""
-    own = [t for t in model.terms if t.effect.joint in (None, joint)]
+    own = [t for t in model.terms if t.effect.acts_on in (None, joint)]
     edge = edge_columns(panel, own, joint)
     columns = [panel.columns(t.effect, t.shape, joint) for t in own]
     everything = np.ones(len(panel), dtype=bool)
@@ -87,7 +87,7 @@ def gap_of(model: CurrentModel, panel: Panel, joint: int) -> JointGap:
 
 def held_of(model: CurrentModel, panel: Panel, joint: int) -> JointGap:
     """A joint's rows as the model, held fixed, leaves them."""
-    own = [t for t in model.terms if t.effect.joint in (None, joint)]
+    own = [t for t in model.terms if t.effect.acts_on in (None, joint)]
     edge = edge_columns(panel, own, joint)
     forces = [panel.columns(t.effect, t.shape, joint) @ t.coefficients for t in own]
     friction = [force for t, force in zip(own, forces, strict=True) if t.effect.family == "friction"]

@@ -58,7 +58,7 @@ def _smoothing(model: CurrentModel, panel: Panel, counts: BoolArray, joint: int)
 
     Rests that do not count still tell how well the sign is predicted as the joint creeps.
     """
-    own = [t for t in model.terms if t.effect.joint in (None, joint)]
+    own = [t for t in model.terms if t.effect.acts_on in (None, joint)]
     friction = next((t.effect for t in own if isinstance(t.effect, Coulomb)), None)
     others = [panel.columns(t.effect, t.shape, joint) for t in own if not isinstance(t.effect, Coulomb)]
     rows = JointGap(joint, np.hstack(others), panel.force[:, joint], counts, ())

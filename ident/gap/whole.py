@@ -45,6 +45,8 @@ class Whole:
         coefficients: its linear parameters.
         held_out: squared residuals (n, folds) with it.
         likelihood: gain in log-likelihood on held-out rows, all joints together.
+        standing: the same with the only coefficients that its law means, at the shape that suits those best, less what
+            laws err by if that is where its law is another: a quick filter is a delay.
         p_value: chance of so good a candidate where there is nothing.
         alternatives: names that explain nearly as much.
     """
@@ -54,14 +56,9 @@ class Whole:
     coefficients: FloatArray
     held_out: FloatArray
     likelihood: float
+    standing: float
     p_value: float = 1.0
     alternatives: tuple[str, ...] = ()
-
-    @property
-    def standing(self) -> float:
-        """Its likelihood, less what laws err by if its parameters are not its law's: a quick filter is a delay."""
-        proper = not at_bound(self.effect, self.shape) and self.effect.plausible(self.shape, self.coefficients)
-        return self.likelihood * (1.0 if proper else 1.0 - RIVAL_LAW)
 
 
 def whole_effect(
@@ -166,23 +163,35 @@ def _p_value(panel: Panel, whole: Whole, searches: Sequence[Search]) -> float:
 def _try(panel: Panel, problems: Sequence[JointProblem], effect: Effect, before: FloatArray) -> Whole | None:
     lower = np.array([c.lower for c in effect.coefficients(panel.robot)])
 
-    def at(shape: FloatArray) -> Whole | None:
-        columns = [panel.columns(effect, shape, j)[p.keep] for j, p in enumerate(problems)]
-        found = _shared(problems, columns, before)
+    def at(shape: FloatArray, lawful: bool) -> Whole | None:
+        every = panel.all_columns(effect, shape)
+        columns = [p.of(every[:, j]) for j, p in enumerate(problems)]
+        found = _shared(problems, columns, before, effect.plain(shape) if lawful else None)
         if found is None or np.any(found[0] < lower):
             return None
         likelihood = float(_likelihoods(problems, before.sum(axis=1), found[1].sum(axis=1)).sum())
-        return Whole(effect, shape, *found, likelihood)
+        return Whole(effect, shape, *found, likelihood, likelihood)
 
-    def likelihood(shape: FloatArray) -> float:
-        one = at(shape)
-        return -np.inf if one is None else one.likelihood
+    def searched(starts: Sequence[FloatArray], lawful: bool) -> Whole | None:
+        tried = [one for one in (at(shape, lawful) for shape in starts) if one is not None]
+        best = max(tried, key=lambda one: one.likelihood, default=None)
+        if best is None or not effect.shapes or (best.likelihood <= 0.0 and not lawful):
+            return best
 
-    tried = [one for one in map(at, grid(effect.shapes)) if one is not None]
-    best = max(tried, key=lambda one: one.likelihood, default=None)
-    if best is None or not effect.shapes or best.likelihood <= 0.0:
+        def likelihood(shape: FloatArray) -> float:
+            one = at(shape, lawful)
+            return -np.inf if one is None else one.likelihood
+
+        return at(climb(likelihood, effect.shapes, best.shape, best.likelihood)[0], lawful)
+
+    starts = list(grid(effect.shapes))
+    best = searched(starts, lawful=False)
+    if best is None or best.likelihood <= 0.0:
         return best
-    return at(climb(likelihood, effect.shapes, best.shape, best.likelihood)[0])
+    any_is_its = all(effect.plain(shape) is None for shape in starts)
+    law = best if any_is_its else searched([*starts, best.shape], lawful=True)
+    assert law is not None
+    return replace(best, standing=law.likelihood * (1.0 - RIVAL_LAW if at_bound(effect, law.shape) else 1.0))
 
 
 def _likelihoods(problems: Sequence[JointProblem], before: FloatArray, after: FloatArray) -> FloatArray:
@@ -197,7 +206,7 @@ def _gains(before: FloatArray, after: FloatArray) -> FloatArray:
 
 
 def _shared(
-    problems: Sequence[JointProblem], columns: Sequence[FloatArray], before: FloatArray
+    problems: Sequence[JointProblem], columns: Sequence[FloatArray], before: FloatArray, known: FloatArray | None
 ) -> tuple[FloatArray, FloatArray] | None:
     """Coefficients that all joints share, weighted by the joints' residuals, and held-out squares (n, folds)."""
     weights = np.array([len(p) for p in problems]) / np.maximum(before.sum(axis=1), 1e-300)
@@ -214,11 +223,11 @@ def _shared(
     if np.max(np.asarray(unique) / np.maximum(inside, 1e-300)) < VISIBLE:
         return None
     coefficients = np.zeros(len(whole))
-    coefficients[seen] = _solve(reduced, weights) / size
+    coefficients[seen] = _solve(reduced, weights) / size if known is None else known[seen]
     folds = len(problems[0].folds)
     held_out = np.empty((len(problems), folds))
     for k in range(folds):
-        shared = _solve([s.reduced(k) for s in sums], weights)
+        shared = _solve([s.reduced(k) for s in sums], weights) if known is None else known[seen] * size
         held_out[:, k] = [s.held_out(k, shared) for s in sums]
     return coefficients, held_out
 

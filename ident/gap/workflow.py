@@ -236,7 +236,7 @@ class _Workflow:
 
     def known(self, wholes: Sequence[Whole]) -> list[Effect]:
         """Causes of the whole robot that the model has, and those found."""
-        return [*(t.effect for t in self.model.terms if t.effect.joint is None), *(w.effect for w in wholes)]
+        return [*(t.effect for t in self.model.terms if t.effect.acts_on is None), *(w.effect for w in wholes)]
 
     def without(self, gaps: Sequence[JointGap], whole: Whole) -> list[JointGap]:
         """Every joint's rows with a cause of the whole robot, which none has once more, taken away."""

@@ -357,6 +357,21 @@ def test_a_spring_that_all_joints_feel_is_one_joints(arm):
     assert (one.effect, one.joints) == ("elasticity", (0,))
     assert one.parameters["stiffness"] == pytest.approx(200.0, rel=0.06)
     np.testing.assert_allclose(found.evidence.after, NOISE, rtol=0.1)
+    assert find_gap(found.model, train).findings == ()
+
+
+@pytest.mark.parametrize("law", ["delay", "filter-lag"])
+def test_a_late_current_is_told_by_what_its_law_allows(arm, law):
+    def late(seed):
+        log = record(arm, seed)
+        pole = np.exp(-2 * np.pi * 15.0 / RATE)
+        filtered = lfilter([1 - pole], [1, -pole], log.current, axis=0, zi=pole * log.current[:1])[0]
+        shifted = np.stack([np.interp(log.t - 0.01, log.t, x) for x in log.current.T], axis=1)
+        return log.replace(current=shifted if law == "delay" else filtered)
+
+    train = [late(seed) for seed in (1, 2, 3)]
+    (one,) = find_gap(baseline_model(arm, train), train).findings
+    assert (one.effect, one.joints) == (law, ())
 
 
 def test_a_delay_that_shows_on_one_joint_most_is_borne_out_by_the_others(arm):
