@@ -80,12 +80,13 @@ def sentence(found: GapReport, finding: Finding) -> str:
         # Rests of joints that stick would hide what became of the rest.
         steps, part = (found.evidence.moving, ", in motion,") if found.rests else (found.evidence.steps, "")
         before, after = steps[number], steps[number + 1]
-        joint = finding.joints[0] if finding.joints else int(np.argmax(1.0 - after / before))
+        everywhere = not finding.joints or any(term.effect.acts_on is None for term in finding.terms)
+        joint = int(np.argmax(1.0 - after / before)) if everywhere else finding.joints[0]
         unit = found.model.unit
         less = 1.0 - after[joint] / before[joint]
         change = "falls" if less > HARDLY else "hardly changes," if less > -HARDLY else "does not fall: it goes"
         text += f"; the gap on test logs{part} {change} from {before[joint]:.3g} to {after[joint]:.3g} {unit}"
-        text += f"{'' if finding.joints else f' on joint {joint + 1}'}, noise floor {found.noise_floor[joint]:.3g}"
+        text += f"{f' on joint {joint + 1}' if everywhere else ''}, noise floor {found.noise_floor[joint]:.3g}"
     text += "."
     if finding.alternatives:
         text += f" These logs cannot tell it from {', '.join(finding.alternatives)}."

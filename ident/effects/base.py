@@ -143,7 +143,7 @@ class Effect(ABC):
     A subclass with a ``name`` is entered in the catalogue; that is all it takes to add an effect.
 
     Attributes:
-        joint: joint it acts on, from 0; None acts on the whole robot with one set of coefficients.
+        joint: joint it belongs to, from 0; None is the whole robot, with one set of coefficients.
         replaces: names of effects that it contains as a limit, and that leave a joint's model when it comes in.
         contains: names of effects that it has as a limit; where they are missing, they are named before it.
         needs: what of a fitted model its columns depend on: ``load``, ``links``, ``total``.
@@ -170,10 +170,10 @@ class Effect(ABC):
 
     @property
     def at(self) -> int:
-        """The joint of an effect that acts on one joint.
+        """The joint of an effect that belongs to one joint.
 
         Raises:
-            InputError: it acts on the whole robot.
+            InputError: it belongs to the whole robot.
         """
         if self.joint is None:
             raise InputError("it needs a joint", f"effect {self.name}", "give joint=0 for the first joint")
@@ -181,7 +181,7 @@ class Effect(ABC):
 
     @property
     def acts_on(self) -> int | None:
-        """The joint in whose rows it shows; None in those of all: of the whole robot, or of one joint that all feel."""
+        """The joint on whose row it acts: its own; None on all rows, as the whole robot's and what all feel of one."""
         return self.joint
 
     def rivals_with(self, other: Effect) -> bool:

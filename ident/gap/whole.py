@@ -31,6 +31,9 @@ ALONE = 0.8
 BEATS = 1.25
 """What shows on one joint alone must explain this many times what the best effects of single joints do."""
 
+TINY = 1e-300
+"""In place of a nought that is divided by, such as the squared residual of a joint without rows that count."""
+
 VISIBLE = 1e-6
 """Share of an effect's square that the baseline must leave."""
 
@@ -93,7 +96,7 @@ def whole_effect(
         gains = _gains(squares, after)
         helped = np.flatnonzero(gains > GAIN)
         # In every fold the joints together must gain: where some move little, others bear it out.
-        repeats = np.log(before / best.held_out).sum(axis=0).min() > 0.0
+        repeats = np.log(np.maximum(before, TINY) / np.maximum(best.held_out, TINY)).sum(axis=0).min() > 0.0
         if len(helped) == 0 or gains.min() < -GAIN or not repeats:
             continue
         likelihoods = _likelihoods(problems, squares, after)
@@ -197,7 +200,7 @@ def _try(panel: Panel, problems: Sequence[JointProblem], effect: Effect, before:
 def _likelihoods(problems: Sequence[JointProblem], before: FloatArray, after: FloatArray) -> FloatArray:
     """Gain in log-likelihood (n,) of each joint when its squared residual falls."""
     lengths = np.array([len(p) for p in problems])
-    return np.asarray(0.5 * lengths * np.log(before / np.maximum(after, 1e-300)))
+    return np.asarray(0.5 * lengths * np.log(np.maximum(before, TINY) / np.maximum(after, TINY)))
 
 
 def _gains(before: FloatArray, after: FloatArray) -> FloatArray:
@@ -209,9 +212,9 @@ def _shared(
     problems: Sequence[JointProblem], columns: Sequence[FloatArray], before: FloatArray, known: FloatArray | None
 ) -> tuple[FloatArray, FloatArray] | None:
     """Coefficients that all joints share, weighted by the joints' residuals, and held-out squares (n, folds)."""
-    weights = np.array([len(p) for p in problems]) / np.maximum(before.sum(axis=1), 1e-300)
+    weights = np.array([len(p) for p in problems]) / np.maximum(before.sum(axis=1), TINY)
     whole = np.asarray(sum(np.sum(c**2, axis=0) for c in columns))
-    seen = np.flatnonzero(whole > 1e-20 * max(whole.max(), 1e-300))
+    seen = np.flatnonzero(whole > 1e-20 * max(whole.max(), TINY))
     if len(seen) == 0:
         return None
     size = np.sqrt(whole[seen])
@@ -220,7 +223,7 @@ def _shared(
     unique = sum(w * np.diag(normal) for w, (normal, _) in zip(weights, reduced, strict=True))
     inside = sum(w * np.diag(s.inside.sum(axis=0)) for w, s in zip(weights, sums, strict=True))
     # What the motion does not show stays nought; an effect of which it shows nothing is no candidate.
-    if np.max(np.asarray(unique) / np.maximum(inside, 1e-300)) < VISIBLE:
+    if np.max(np.asarray(unique) / np.maximum(inside, TINY)) < VISIBLE:
         return None
     coefficients = np.zeros(len(whole))
     coefficients[seen] = _solve(reduced, weights) / size if known is None else known[seen]

@@ -83,10 +83,9 @@ def test_gradients_are_central_differences(context, name, start):
         assert smooth.mean() > (0.99 if effect.family == "hysteresis" else 0.9999)
 
 
-@pytest.mark.parametrize("name", sorted(CATALOGUE))
+@pytest.mark.parametrize("effect", [*map(acting, sorted(CATALOGUE)), Elasticity(1, everywhere=True)])
 @pytest.mark.parametrize("size", [1, 7, 150])
-def test_memory_makes_blocks_as_good_as_the_whole(context, name, size):
-    effect = acting(name)
+def test_memory_makes_blocks_as_good_as_the_whole(context, effect, size):
     shape = initial_term(effect).shape
     whole = effect.columns(context, shape, effect.start())
     memory = effect.start()
@@ -94,7 +93,7 @@ def test_memory_makes_blocks_as_good_as_the_whole(context, name, size):
     pieces = [effect.columns(part(context, slice(k, k + size)), shape, memory) for k in rows]
     np.testing.assert_allclose(np.concatenate(pieces), whole, rtol=1e-12, atol=1e-12)
     rows = len(context.motion)
-    of_one = (rows,) if effect.joint is not None else (rows, 6)
+    of_one = (rows,) if effect.acts_on is not None else (rows, 6)
     assert whole.shape == (*of_one, len(effect.coefficients(context.robot)))
     assert np.all(np.isfinite(whole))
 
