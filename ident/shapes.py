@@ -35,13 +35,16 @@ def optimise_shapes(
         dependent: whether only effects are searched that depend on the fitted model.
     """
     terms = list(design.terms)
+    open_terms = [k for k, t in enumerate(terms) if t.effect.shapes and (t.effect.needs or not dependent)]
+    of_joints = range(design.robot.n) if joints is None else joints
+    searches = [(j, [k for k in open_terms if terms[k].effect.acts_on == j]) for j in of_joints]
+    searches = [(joint, searched) for joint, searched in searches if searched]
+    if not searches:  # what effects see of the blocks is dear
+        return design
     contexts = contexts or [design.context(block.motion) for block in blocks]
-    for joint in range(design.robot.n) if joints is None else joints:
-        own = [k for k, t in enumerate(terms) if t.effect.acts_on == joint and t.effect.shapes]
-        searched = [k for k in own if terms[k].effect.needs or not dependent]
-        if searched:
-            for k, shape in zip(searched, _search(design, blocks, contexts, joint, searched), strict=True):
-                terms[k] = replace(terms[k], shape=shape)
+    for joint, searched in searches:
+        for k, shape in zip(searched, _search(design, blocks, contexts, joint, searched), strict=True):
+            terms[k] = replace(terms[k], shape=shape)
     return replace(design, terms=tuple(terms))
 
 

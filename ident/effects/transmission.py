@@ -221,16 +221,16 @@ class Elasticity(ToldAtLargest):
         """Return the change of the load by the wind-up, per unit of it."""
         wound = WOUND if self.everywhere else float(shape[0])
         links, joint, motion = context.needed("links", self.name), self.at, context.motion
-        load = np.ascontiguousarray(context.needed("load", self.name)[:, joint])
+        load = context.needed("load", self.name)
         softness = wound / max(self.largest, 1e-12)
         link = np.stack([motion.q, motion.dq, motion.ddq])
         past = memory.reshape(2, REMEMBERED)
-        link[:, :, joint] -= softness * _with_derivatives(np.ascontiguousarray(motion.t), load, past[0], past[1])
+        link[:, :, joint] -= softness * _with_derivatives(
+            np.ascontiguousarray(motion.t), np.ascontiguousarray(load[:, joint]), past[0], past[1]
+        )
         carried = context.robot.rigid_body.inverse_dynamics(link[0], link[1], link[2], links)
-        if self.everywhere:
-            return ((carried - context.needed("load", self.name)) / wound)[:, :, None]
-        change: FloatArray = (carried[:, joint] - load) / wound
-        return change[:, None]
+        change: FloatArray = (carried - load) / wound
+        return change[:, :, None] if self.everywhere else change[:, joint, None]
 
     def summary(self, robot: Robot, shape: FloatArray, coefficients: FloatArray) -> dict[str, float | list[float]]:
         """Return the stiffness."""

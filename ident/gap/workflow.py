@@ -348,13 +348,13 @@ class _Workflow:
         )  # fmt: skip
 
     def delivered(self, findings: Sequence[Finding], model: CurrentModel) -> list[Finding]:
-        """Findings with the parameters that the delivered model has of them: its links are fitted beside them all."""
+        """Findings with the term and parameters that the delivered model has of each, all being fitted together."""
         terms, found = iter(model.terms[len(self.model.terms) :]), []
         for finding in findings:
             if finding.terms:
-                (term,) = own = tuple(next(terms) for _ in finding.terms)
+                term = next(terms)
                 figures = term.effect.summary(model.robot, term.shape, term.coefficients)
-                finding = replace(finding, terms=own, parameters=figures)
+                finding = replace(finding, terms=(term,), parameters=figures)
             found.append(finding)
         return found
 
@@ -372,6 +372,7 @@ class _Workflow:
         return replace(gap, target=self.gaps[gap.joint].target)
 
     def whole_finding(self, whole: Whole) -> Finding:
+        """A cause of the whole robot; its figures are yet to come, with the delivered model."""
         effect = whole.effect
         term = Term(
             effect,
@@ -379,13 +380,13 @@ class _Workflow:
             whole.coefficients,
             *(np.full(k, np.nan) for k in (len(whole.coefficients), len(whole.shape))),
         )
-        figures = effect.summary(self.model.robot, whole.shape, whole.coefficients)
         others = whole.alternatives
         words = next_experiment(effect.name, dict.fromkeys(others))
         joints = () if effect.joint is None else (effect.joint,)
-        return Finding(effect.name, effect.family, joints, figures, whole.p_value, others, words, (term,), np.inf)
+        return Finding(effect.name, effect.family, joints, {}, whole.p_value, others, words, (term,), np.inf)
 
     def joint_finding(self, gap: JointGap, named: Sequence[Named], one: Named, total: float) -> Finding:
+        """A joint's own cause; its figures are yet to come, with the delivered model."""
         effect, trial = one.effect, one.trial
         others = [n.trial for n in named if n is not one]
         found = coefficients(self.panel, gap.problem(self.panel, others), trial, gap.joint)
@@ -393,9 +394,8 @@ class _Workflow:
         term = Term(effect, trial.shape, found, *unknown)
         rivals = alternatives(self.panel, gap, named, one)
         experiments = {name: self.experiment(gap, trial, rival, others) for name, rival in rivals.items()}
-        figures = effect.summary(self.model.robot, trial.shape, found)
         return Finding(
-            effect.name, effect.family, (gap.joint,), figures, one.p_value, tuple(rivals),
+            effect.name, effect.family, (gap.joint,), {}, one.p_value, tuple(rivals),
             next_experiment(effect.name, experiments), (term,), one.explained / max(total, 1e-300),
             negative_control(self.panel, gap, named, one),
             {name: e.motion for name, e in experiments.items() if e is not None and e.settles},
