@@ -12,7 +12,7 @@ from scipy.optimize import lsq_linear
 from ident.arrays import BoolArray, FloatArray
 from ident.design import Design, Rows
 
-DEPENDENT = 1e-8
+DEPENDENT = 1e-5
 """A column whose part outside the columns before it is smaller than this share of it adds nothing."""
 
 

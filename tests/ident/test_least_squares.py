@@ -11,9 +11,20 @@ from ident.effects.hysteresis import MaxwellSlip
 from ident.effects.rigid_body import Links, RotorInertia
 from ident.fit import huber
 from ident.least_squares import factorise, independent, solve, triangle
+from ident.log import JointLog
+from ident.robot import load_robot
 from ident.walk import walk
 
 CUTOFF = 10.0
+CROSSED = """<robot name="crossed"><link name="base"/>
+<link name="upper"><inertial><origin xyz=".02 0 .1"/><mass value="2"/>
+<inertia ixx=".02" iyy=".03" izz=".04" ixy="0" ixz="0" iyz="0"/></inertial></link>
+<link name="lower"><inertial><origin xyz=".2 .01 0"/><mass value="1"/>
+<inertia ixx=".01" iyy=".05" izz=".05" ixy="0" ixz="0" iyz="0"/></inertial></link>
+<joint name="a" type="revolute"><parent link="base"/><child link="upper"/><axis xyz="0 0 1"/>
+<limit lower="-2.5" upper="2.5" velocity="3" effort="90"/></joint>
+<joint name="b" type="revolute"><parent link="upper"/><child link="lower"/><origin xyz="0 0 .1" rpy="-1.5708 0 0"/>
+<axis xyz="0 0 1"/><limit lower="-2.5" upper="2.5" velocity="3" effort="50"/></joint></robot>"""
 
 
 def make(robot, *effects, scale=None):
@@ -48,6 +59,19 @@ def test_factors_block_by_block_solve_the_dense_problem(design, log):
             float(squares[0]) / len(target), rel=1e-6
         )
     assert factors.rows == len(matrix)
+
+
+def test_what_an_angle_of_six_figures_tells_apart_is_not_told(tmp_path, swinging):
+    """Two axes at a right angle, but for the rounding of 1.5708: the second link's inertia and rotor are one factor."""
+    (tmp_path / "arm.urdf").write_text(CROSSED)
+    (tmp_path / "robot.toml").write_text('name = "crossed"\nurdf = "arm.urdf"\ncurrent_unit = "N*m"\n')
+    robot, motion = load_robot(tmp_path / "robot.toml"), swinging(n=2)
+    torque = robot.rigid_body.inverse_dynamics(motion.q, motion.dq, motion.ddq, robot.multibody.parameters)
+    noise = 0.02 * np.random.default_rng(1).normal(size=torque.shape)
+    log = JointLog(motion.t, motion.q, torque + np.array([0.1, 0.2]) * motion.ddq + noise, name="log")
+    design = make(robot, Links(None), RotorInertia(0), RotorInertia(1), scale=np.ones(2))
+    solution = solve(design, factorise(design, design.rows(walk(log, CUTOFF))))
+    assert np.abs(solution.parameters).max() < 2.0
 
 
 def test_shared_links_weigh_joints_by_their_noise(vs060, recorded):
