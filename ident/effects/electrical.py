@@ -14,6 +14,9 @@ from ident.effects.transmission import GEAR_HARMONICS, POLE_HARMONICS, GearRippl
 if TYPE_CHECKING:
     from ident.robot import Robot
 
+DIRECT_DRIVE = 100.0
+"""Repeats a turn up to which poles are looked for at least: motors that drive a joint directly have many."""
+
 
 @dataclass(frozen=True)
 class CurrentOffset(Effect):
@@ -133,4 +136,4 @@ class Cogging(GearRipple):
         if joint is None or survey.robot.multibody.prismatic[joint]:
             return []
         fewest = most_of_gears(survey, joint)
-        return [cls(joint, most=fewest * POLE_HARMONICS / GEAR_HARMONICS, fewest=fewest)]
+        return [cls(joint, most=max(fewest * POLE_HARMONICS / GEAR_HARMONICS, DIRECT_DRIVE), fewest=fewest)]
