@@ -19,6 +19,10 @@ TURNED = 3.0
 WORST = 1.0
 """By how many times the residual the velocity's noise may shake dry friction while its sign turns."""
 
+BEYOND = 2.0
+"""By how many times what the noise makes, RMS, these rows may err before that is no longer noise (.7 to 1.4 in logs
+without an effect, 2.4 with a delay of the current's noise)."""
+
 AROUND = 0.25
 """Seconds around a row over which the noise of its velocity is told: counts that stand still make none at rest."""
 
@@ -27,7 +31,8 @@ def unsure_rows(model: CurrentModel, panel: Panel, survey: Survey, residual: Flo
     """Find rows (N, n) in which noise of the velocity, and not the joint, says which way friction points.
 
     They are left out of a joint only where that noise shakes its dry friction by more than the residual in motion is:
-    where the sign turns a force F over the speed s, noise of standard deviation v leaves an error of F v / s.
+    where the sign turns a force F over the speed s, noise of standard deviation v leaves an error of F v / s. Where
+    far more is left than that, something else is there, and they stay.
 
     Args:
         model: the baseline, with its dry friction.
@@ -40,8 +45,13 @@ def unsure_rows(model: CurrentModel, panel: Panel, survey: Survey, residual: Flo
     noise = shaken(model, panel, survey)
     for j in range(model.n):
         moving = residual[~slow[:, j], j]
-        if len(moving) > 0:
-            found[:, j] = slow[:, j] & (noise[:, j] > WORST * np.sqrt(np.mean(moving**2)))
+        if len(moving) == 0:
+            continue
+        usual = float(np.mean(moving**2))
+        rows = slow[:, j] & (noise[:, j] > WORST * np.sqrt(usual))
+        beyond = float(np.sum(residual[rows, j] ** 2 - usual))
+        if beyond <= BEYOND**2 * float(np.sum(noise[rows, j] ** 2)):
+            found[:, j] = rows
     return found
 
 
