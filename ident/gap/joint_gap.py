@@ -14,6 +14,9 @@ from ident.gap.gate import Gate, speed_classes
 from ident.gap.panel import Panel
 from ident.gap.problem import JointProblem
 
+SCARCE = 0.25
+"""Share of an even one below which a fold has too few rows: one of a joint that stands while others are moved."""
+
 
 @dataclass(frozen=True, eq=False)
 class Named:
@@ -50,6 +53,7 @@ class JointGap:
         nuisance: how many of the columns, the last ones, stand for nothing that the model will have.
         friction: forces (N, k) of the model's own friction where it is held fixed: small errors of it are no change.
         sticks: whether the rests of the joint are left out.
+        parts: number of each row's fold (N,), where the panel's folds would leave one with hardly any row that counts.
     """
 
     joint: int
@@ -60,6 +64,7 @@ class JointGap:
     nuisance: int = 0
     friction: FloatArray | None = None
     sticks: bool = False
+    parts: IntArray | None = None
 
     def bare(self) -> JointGap:
         """The same without nuisance."""
@@ -69,9 +74,22 @@ class JointGap:
         """The same with some rows (N,) left out."""
         return replace(self, keep=self.keep & ~rows)
 
+    def moving(self, panel: Panel, rests: BoolArray) -> JointGap:
+        """The same with rests (N,) left out: no row is left in which the sign turns to tell how it does."""
+        left = replace(self.bare().without(rests), sticks=True)
+        rows = np.bincount(panel.fold[left.keep], minlength=int(panel.fold.max()) + 1)
+        if rows.min() >= SCARCE * rows.mean():
+            return left
+        order = np.cumsum(left.keep) - 1
+        return replace(left, parts=np.maximum(order, 0) * len(rows) // max(int(left.keep.sum()), 1))
+
+    def fold(self, panel: Panel) -> IntArray:
+        """Number of each row's fold (N,)."""
+        return panel.fold if self.parts is None else self.parts
+
     def problem(self, panel: Panel, named: Sequence[Trial] = ()) -> JointProblem:
         """The regression with effects named so far among the baseline's columns."""
-        return JointProblem(self._matrix(panel, named), self.target, panel.fold, self.keep)
+        return JointProblem(self._matrix(panel, named), self.target, self.fold(panel), self.keep)
 
     def everywhere(self, panel: Panel, named: Sequence[Trial] = (), fitted: BoolArray | None = None) -> FloatArray:
         """What that leaves in all rows (N,), nuisance taken away in those that count only.
@@ -82,7 +100,7 @@ class JointGap:
             fitted: rows (N,) that it is fitted to; by default those that count.
         """
         matrix = self._matrix(panel, named)
-        found = JointProblem(matrix, self.target, panel.fold, self.keep if fitted is None else fitted).fit()
+        found = JointProblem(matrix, self.target, self.fold(panel), self.keep if fitted is None else fitted).fit()
         own, every = self.matrix.shape[1], np.arange(matrix.shape[1])
         plain = (every < own - self.nuisance) | (every >= own)
         left: FloatArray = self.target - matrix[:, plain] @ found[plain]
@@ -91,7 +109,7 @@ class JointGap:
 
     def _matrix(self, panel: Panel, named: Sequence[Trial]) -> FloatArray:
         """The baseline's columns and those of effects whose coefficients keep to their bounds, in all rows."""
-        plain = JointProblem(self.matrix, self.target, panel.fold, self.keep)
+        plain = JointProblem(self.matrix, self.target, self.fold(panel), self.keep)
         found = [usable(panel, plain, trial.effect, trial.shape, self.joint) for trial in named]
         return np.hstack([self.matrix, *(whole[:, used] for whole, used in found)])
 
@@ -123,7 +141,7 @@ def nested_errors(panel: Panel, gap: JointGap, named: Sequence[Trial], effect: E
     folds = np.unique(problem.fold)
     held_out = np.empty(len(folds))
     for k, fold in enumerate(folds):
-        others = gap.without(panel.fold == fold).problem(panel, named)
+        others = gap.without(gap.fold(panel) == fold).problem(panel, named)
         shape = best_shape(panel, others, effect, gap.joint).shape
         held_out[k] = problem.errors(admissible(panel, problem, effect, shape, gap.joint)).held_out[k]
     return held_out

@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.ndimage import binary_dilation, binary_opening, label
 
-from ident.arrays import BoolArray, FloatArray
+from ident.arrays import BoolArray, FloatArray, IntArray
 from ident.effects.base import Survey
 from ident.gap.candidates import Trial, admissible, best_start, coefficients, forms, refine
 from ident.gap.joint_gap import JointGap
@@ -47,7 +47,7 @@ TOGETHER = (0.3, 2.0)
 """Where this share of the joints sticks, so many times will do for the others: what they lack in motion hides their
 rests."""
 
-HELD = 1.3
+HELD = 2.0
 """What dry friction holds has an RMS of this many times its force in motion, at most."""
 
 MOST = 2.0
@@ -61,6 +61,9 @@ SWINGS, HUNTS = 0.7, 0.15
 
 EXPLAINED = 0.9
 """Share of the rests' squares that an effect must explain for them to tell of it."""
+
+SEVERAL = 4.0
+"""Rests without which none of them is told of: one level is explained by anything."""
 
 SLIP = 2e-4
 """Displacement [rad or m] before a joint slips, a few counts of an encoder, below which it sticks."""
@@ -148,7 +151,8 @@ def rests_of(model: CurrentModel, panel: Panel, survey: Survey) -> Rests:
     noise = np.minimum(shaken(model, panel, survey), survey.holds)
     lasting = panel.gather(lambda block: lasts(block, speed)).sum(axis=0)
     stops = lasting > MOSTLY * (np.abs(panel.velocity) < speed).sum(axis=0)
-    may = stops & np.array([_rests_and_moves(panel, rests[:, j]) for j in range(model.n)])
+    share = rests.mean(axis=0)
+    may = stops & (share >= RESTS) & (share <= 1.0 - MOVES)
 
     def sticking(gap: JointGap, times: float) -> bool:
         return bool(may[gap.joint]) and _sticks(panel, survey, gap, rests[:, gap.joint], noise[:, gap.joint], times)
@@ -159,20 +163,16 @@ def rests_of(model: CurrentModel, panel: Panel, survey: Survey) -> Rests:
     return Rests(np.array(sticks), may, speed, MOST * survey.holds, around)
 
 
-def _rests_and_moves(panel: Panel, rest: BoolArray) -> bool:
-    moves_everywhere = len(np.unique(panel.fold[~rest])) == len(np.unique(panel.fold))
-    return bool(RESTS <= rest.mean() <= 1.0 - MOVES and moves_everywhere)
-
-
 def _sticks(panel: Panel, survey: Survey, gap: JointGap, rest: BoolArray, noise: FloatArray, times: float) -> bool:
     left = gap.without(rest).everywhere(panel)
     usual, held = float(np.mean(left[~rest] ** 2)), float(np.mean(left[rest] ** 2))
-    least = times * usual + SHAKEN * float(np.mean(noise[rest] ** 2))
+    by_noise = float(np.mean(noise[rest] ** 2))
+    least = times * usual + SHAKEN * by_noise
     if not least <= held <= (HELD * survey.holds[gap.joint]) ** 2 + usual:
         return False
     if _rattles(panel.force[:, gap.joint], left, rest) or _hunts(panel, left, rest):
         return False
-    return not _told(panel, survey, gap, rest, usual)
+    return not _told(panel, survey, gap, rest, usual, by_noise)
 
 
 def _rattles(force: FloatArray, left: FloatArray, rest: BoolArray) -> bool:
@@ -197,22 +197,31 @@ def _hunts(panel: Panel, left: FloatArray, rest: BoolArray) -> bool:
 
 def _without_levels(panel: Panel, left: FloatArray, rest: BoolArray) -> FloatArray:
     """What is left in rests (N,), without the mean of each: a drive that hunts is held by no friction."""
+    number = _numbered(panel, rest)
+    level = np.bincount(number, left) / np.maximum(np.bincount(number), 1)
+    return np.where(rest, left - level[number], 0.0)
+
+
+def _numbered(panel: Panel, rest: BoolArray) -> IntArray:
+    """Number of the rest (N,) that each row is of, from one; nought in motion."""
     pieces, _ = label(rest)
     # The rests at the end of one block and at the beginning of the next are two.
-    begun = np.zeros(len(left), dtype=np.int64)
+    begun = np.zeros(len(rest), dtype=np.int64)
     begun[panel.start] = 1
-    pieces = np.where(rest, pieces + np.cumsum(begun), 0)
-    level = np.bincount(pieces, left) / np.maximum(np.bincount(pieces), 1)
-    return np.where(rest, left - level[pieces], 0.0)
+    return np.asarray(np.where(rest, pieces + np.cumsum(begun), 0), dtype=np.int64)
 
 
-def _told(panel: Panel, survey: Survey, gap: JointGap, rest: BoolArray, usual: float) -> bool:
-    """Whether an effect explains most of what the mean square of a joint's rests is above what is usual in motion."""
+def _told(panel: Panel, survey: Survey, gap: JointGap, rest: BoolArray, usual: float, by_noise: float) -> bool:
+    """Whether an effect explains most of what the mean square of a joint's rests is above what is usual in motion.
+
+    What noise of the velocity makes there nothing explains; it is no more than half of it, if anything is held.
+    """
     problem = gap.problem(panel)
     held = float(np.mean(problem.residual[rest] ** 2))
-    if held <= usual:
-        return False  # links bend to few rests until nothing is left of them
-    least = EXPLAINED * usual + (1.0 - EXPLAINED) * held
+    if held <= usual or _rests(panel, problem.residual, rest) < SEVERAL:
+        return False  # links bend to few rests until nothing is left of them, and any effect explains one
+    noise = min(usual + by_noise, 0.5 * (usual + held))
+    least = EXPLAINED * noise + (1.0 - EXPLAINED) * held
     for effect in forms(survey, gap.joint, gap.present):
         if effect.family in TELLING:
             start = best_start(panel, problem, effect, gap.joint)
@@ -223,6 +232,12 @@ def _told(panel: Panel, survey: Survey, gap: JointGap, rest: BoolArray, usual: f
                 if not slipless(panel, gap, found):
                     return True
     return False
+
+
+def _rests(panel: Panel, left: FloatArray, rest: BoolArray) -> float:
+    """How many rests there are, by what they leave: one that lasts for most of the logs counts for all."""
+    squares = np.bincount(_numbered(panel, rest)[rest], left[rest] ** 2)
+    return float(squares.sum() ** 2 / max(float(squares @ squares), 1e-300))
 
 
 def slipless(panel: Panel, gap: JointGap, trial: Trial) -> bool:

@@ -6,7 +6,7 @@ import pytest
 from ident.fit import Drives, fit
 from ident.gap import baseline_model, find_gap
 from ident.gap.evidence import evidence
-from ident.gap.rests import Rests
+from ident.gap.rests import Rests, find_rests
 from ident.identification import identify
 from ident.log import JointLog
 
@@ -14,26 +14,30 @@ RATE, NOISE, DRY = 100.0, 0.08, np.array([1.5, 0.8])
 MOVE, STOP = 1.6, 0.8  # seconds
 
 
-def record(arm, seed, hidden=None, held=1.0, hum=0.0, moves=28):
-    """Point-to-point moves; while the arm stands its friction holds a level drawn anew (times ``held``), or hums."""
+def record(arm, seed, hidden=None, held=1.0, hum=0.0, moves=28, still=()):
+    """Point-to-point moves; while a joint stands its friction holds a level drawn anew (times ``held``), or hums.
+
+    Joints in ``still`` stand throughout.
+    """
     rng = np.random.default_rng(seed)
     t = np.arange(round(moves * (MOVE + STOP) * RATE)) / RATE
     number, phase = np.divmod(t, MOVE + STOP)
     x = np.clip(phase / MOVE, 0.0, 1.0)
     points = np.cumsum(rng.choice([-1.0, 1.0], (moves + 1, 2)) * rng.uniform(0.2, 0.9, (moves + 1, 2)), axis=0)
     points = 1.6 * np.sin(points)
+    points[:, list(still)] = 0.3
     first, step = points[number.astype(int)], np.diff(points, axis=0)[number.astype(int)]
     q = first + step * (x**3 * (10 - 15 * x + 6 * x**2))[:, None]
     dq = step * (30 * x**2 * (1 - x) ** 2 / MOVE)[:, None]
     ddq = step * (60 * x * (1 - x) * (1 - 2 * x) / MOVE**2)[:, None]
-    stands = (phase >= MOVE)[:, None]
+    stands = (phase >= MOVE)[:, None] | (step == 0.0)
     levels = rng.uniform(-1.0, 1.0, (moves, 2))[number.astype(int)]
     friction = np.where(stands, held * levels * DRY, DRY * np.tanh(dq / 2e-3))
     torque = arm.rigid_body.inverse_dynamics(q, dq, ddq, np.tile(arm.multibody.parameters, (2, 1)))
     torque += friction + np.array([1.0, 0.5]) * dq + NOISE * rng.standard_normal(q.shape)
     torque += stands * hum * np.sin(2 * np.pi * 3.3 * t)[:, None]
     if hidden is not None:
-        torque[:, 1] += hidden(q, dq, stands[:, 0])
+        torque[:, 1] += hidden(q, dq, stands[:, 1])
     return JointLog(t=t, q=q, current=torque, name=f"log{seed}")
 
 
@@ -126,15 +130,32 @@ def test_a_load_at_rest_is_more_than_dry_friction_holds(arm):
     assert found.rests == ()
 
 
-def test_a_joint_that_stands_in_one_of_the_logs_keeps_its_rests(arm):
-    def still(log):
-        q = log.q.copy()
-        q[:, 1] = 0.3
-        return log.replace(q=q)
+def test_a_joint_that_stands_while_others_are_moved_sticks(arm):
+    def lower(q, dq, stands):
+        return 0.25 * np.sign(dq[:, 1]) * np.exp(-np.abs(dq[:, 1]) / 0.06)
 
-    train = [*logs(arm), still(record(arm, 4))]
+    train = [*logs(arm, hidden=lower), record(arm, 4, hidden=lower, still=(1,))]
     found = find_gap(baseline_model(arm, train), train)
-    assert 1 not in found.rests
+    assert found.rests == (0, 1)
+    assert [(one.effect, one.joints) for one in found.findings] == [("stribeck", (1,))]
+
+
+def test_dry_friction_that_breaks_away_hard_holds_more_than_in_motion(arm):
+    def higher_at_rest(q, dq, stands):
+        lower = 0.8 * np.sign(dq[:, 1]) * np.exp(-np.abs(dq[:, 1]) / 0.03)
+        return np.where(stands, 1.6 * np.sign(np.sin(37.0 * q[:, 1])), lower)
+
+    found = found_in(arm, hidden=higher_at_rest, held=0.0)
+    assert found.rests == (1,)
+    assert [(one.effect, one.joints) for one in found.findings] == [("stribeck", (1,))]
+
+
+def test_one_long_rest_is_told_by_nothing(arm):
+    long = record(arm, 4, still=(1,), moves=20)
+    held = long.current[:, 1].copy()
+    held += 0.7 - np.median(held)
+    train = [*logs(arm, moves=6, held=0.0), long.replace(current=np.column_stack([long.current[:, 0], held]))]
+    assert find_rests(baseline_model(arm, train), train).joints[-1:] == (1,)
 
 
 def test_a_row_of_its_own_is_no_rest(arm):
