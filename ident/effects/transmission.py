@@ -118,10 +118,12 @@ class GearRipple(Effect):
 
     @classmethod
     def candidates(cls, survey: Survey, joint: int | None) -> list[Effect]:
-        """Try it on turning joints, up to the repeats that a motor turn can have, also for its second harmonic."""
+        """Try it on turning joints with a gear, up to the repeats of a motor turn, also for its second harmonic."""
         if joint is None or survey.robot.multibody.prismatic[joint]:
             return []
         most = most_of_gears(survey, joint)
+        if most <= FEWEST_REPEATS + 1.0:
+            return []
         return [cls(joint, most, FEWEST_REPEATS), cls(joint, min(most, HARMONIC_REPEATS), FEWEST_REPEATS, 2)]
 
     @property
@@ -180,9 +182,12 @@ class Elasticity(ToldAtLargest):
 
     Attributes:
         everywhere: whether it acts on all rows, with a fixed ``wound``, or on its own alone, where that is searched.
+        slow: whether the link only stands elsewhere, its speed and acceleration taken for the motor's: the load's
+            derivatives are the positions' third and fourth, which in slow motion are noise.
     """
 
     everywhere: bool = False
+    slow: bool = False
 
     name = "elasticity"
     family = "transmission"
@@ -194,7 +199,7 @@ class Elasticity(ToldAtLargest):
     def candidates(cls, survey: Survey, joint: int | None) -> list[Effect]:
         """Try it on a joint's own row, and on all rows as a cause of the whole robot that one joint has."""
         if joint is None:
-            return [cls(k, float(largest), True) for k, largest in enumerate(survey.largest)]
+            return [cls(k, float(x), True, slow) for k, x in enumerate(survey.largest) for slow in (False, True)]
         return super().candidates(survey, joint)
 
     @property
@@ -215,7 +220,7 @@ class Elasticity(ToldAtLargest):
 
     def start(self) -> FloatArray:
         """Return times and loads of the last samples, newest first, not known before."""
-        return np.full(2 * REMEMBERED, np.nan)
+        return np.zeros(0) if self.slow else np.full(2 * REMEMBERED, np.nan)
 
     def columns(self, context: Context, shape: FloatArray, memory: FloatArray) -> FloatArray:
         """Return the change of the load by the wind-up, per unit of it."""
@@ -224,10 +229,13 @@ class Elasticity(ToldAtLargest):
         load = context.needed("load", self.name)
         softness = wound / max(self.largest, 1e-12)
         link = np.stack([motion.q, motion.dq, motion.ddq])
-        past = memory.reshape(2, REMEMBERED)
-        link[:, :, joint] -= softness * _with_derivatives(
-            np.ascontiguousarray(motion.t), np.ascontiguousarray(load[:, joint]), past[0], past[1]
-        )
+        if self.slow:
+            link[0, :, joint] -= softness * load[:, joint]
+        else:
+            past = memory.reshape(2, REMEMBERED)
+            link[:, :, joint] -= softness * _with_derivatives(
+                np.ascontiguousarray(motion.t), np.ascontiguousarray(load[:, joint]), past[0], past[1]
+            )
         carried = context.robot.rigid_body.inverse_dynamics(link[0], link[1], link[2], links)
         change: FloatArray = (carried - load) / wound
         return change[:, :, None] if self.everywhere else change[:, joint, None]

@@ -9,6 +9,7 @@ from scipy.interpolate import CubicSpline
 
 from ident.effects import load_catalogue
 from ident.effects.base import Context, Effect, initial_term
+from ident.effects.electrical import Cogging
 from ident.effects.friction import Coulomb, LoadFriction, PositionFriction, Stribeck, ViscousNonlinear
 from ident.effects.hysteresis import Backlash, MaxwellSlip
 from ident.effects.rigid_body import CableSpring, Links, RotorInertia
@@ -180,6 +181,23 @@ def test_a_spring_leaves_the_motor_what_the_links_need_where_they_are(vs060):
     change = 0.02 * everywhere.columns(context, np.zeros(0), everywhere.start())[:, :, 0]
     np.testing.assert_allclose(change[inside], true[inside], atol=0.03 * np.abs(true).max())
     assert np.abs(change[inside]).max(axis=0)[2] > 0.1 * np.abs(true).max()
+    moved[1:] = motion.dq, motion.ddq
+    slow = dataclasses.replace(everywhere, slow=True)
+    change = 0.02 * slow.columns(context, np.zeros(0), slow.start())[:, :, 0]
+    stood = vs060.rigid_body.inverse_dynamics(*moved, links) - load
+    np.testing.assert_allclose(change, stood, atol=0.08 * np.abs(stood).max())  # first order
+
+
+def test_a_direct_drive_has_poles_and_no_gear(tmp_path, vs060):
+    (tmp_path / "arm.urdf").write_text(vs060.urdf.read_text())
+    card = f'name = "direct"\nurdf = "arm.urdf"\njoints = {list(vs060.joints)}\n[drive]\ngear_ratio = {[1.0] * 6}\n'
+    (tmp_path / "robot.toml").write_text(card)
+    survey = SimpleNamespace(robot=load_robot(tmp_path / "robot.toml"))
+    assert GearRipple.candidates(survey, 2) == []
+    (poles,) = Cogging.candidates(survey, 2)
+    (repeats,) = poles.shapes
+    assert repeats.lower <= 14.0 <= repeats.upper
+    assert 14.0 in repeats.starts
 
 
 def test_maxwell_elements_stick_slip_and_remember(vs060):
