@@ -17,7 +17,7 @@ SMOOTHING = 5e-3
 """Speed [rad/s or m/s] over which the sign of a velocity turns, where the data do not ask for more."""
 
 
-SLOWEST_SIGMOID = 0.01
+SLOWEST_SIGMOID = 0.015
 """Speed [rad/s or m/s] below which a rise of friction is but the smoothing of a sign."""
 
 MOST_SWINGS = 12.0
@@ -184,8 +184,8 @@ class Sigmoid(VelocityEffect):
     def shapes(self) -> tuple[Shape, ...]:
         """Return the speed over which the sigmoid rises (1/phi2) and its shift (phi3)."""
         return (
-            Shape("speed", "{angle}/s", self.slowest, 0.15, (0.03, max(0.006, 1.2 * self.slowest), 0.1)),
-            Shape("shift", "{angle}/s", -0.05, 0.05, (0.0,), log=False),
+            Shape("speed", "{angle}/s", self.slowest, 0.2, (0.03, max(0.006, 1.2 * self.slowest), 0.1)),
+            Shape("shift", "{angle}/s", -0.1, 0.1, (0.0,), log=False),
         )
 
     def coefficients(self, robot: Robot) -> tuple[Coefficient, ...]:

@@ -32,6 +32,7 @@ from ident.gap.rests import Rests, no_rests, rests_of, slipless
 from ident.gap.rows import gap_of, held_of, panel_of, survey_of
 from ident.gap.search import Search, search
 from ident.gap.settle import alternatives, next_experiment
+from ident.gap.torque_constant import wrong_gain
 from ident.gap.touch import Touches, find_touches, undisturbed
 from ident.gap.unsure import unsure_rows
 from ident.gap.velocity_lag import velocity_lag
@@ -46,6 +47,9 @@ SURE = 1e-6
 
 ROUNDS = 3
 """Times at most that contact is cut out: links that were fitted to some of it hide the rest."""
+
+MOST_OF_ALL = 2
+"""Causes of the whole robot at most that no joint has; springs it may have as many as joints."""
 
 DEPENDENT = {"links", "load", "total"}
 """What effects need of a model that is fitted again with them before they are judged."""
@@ -113,6 +117,10 @@ class _Workflow:
         if self.lag is not None:
             logged = replace(self.model, positions_only=False)
             self.start = self.fitted(logged, []) if self.refit else logged
+        self.known_before = len(self.model.terms)
+        while self.refit and (gain := self.wrong_gain()) is not None:
+            self.model = replace(self.model, terms=(*self.model.terms, gain))
+            self.see()
         contacts: list[Touches] = []
         while True:
             causes = self.name(~self.unsure())
@@ -143,6 +151,11 @@ class _Workflow:
         self.survey = survey_of(self.model, self.panel)
         self.gaps = [self.gap(self.panel, j) for j in range(self.model.n)]
 
+    def wrong_gain(self) -> Term | None:
+        """A joint's gain that the rows of the others contradict."""
+        self.tell("comparing joints", 0.0)
+        return wrong_gain(self.model, self.panel, self.survey, self.gaps, self.fitted)
+
     def unsure(self) -> BoolArray:
         """Rows (N, n) whose sign of velocity is noise."""
         residuals = np.stack([gap.everywhere(self.panel) for gap in self.gaps], axis=1)
@@ -156,7 +169,7 @@ class _Workflow:
         searches = self.seen_anew(self.searches(gaps))
         p_values = np.array([one.least_p_value(self.panel) for one in searches])
         self.tell("trying effects", 0.5)
-        for _ in range(2):
+        for _ in range(self.model.n + MOST_OF_ALL):
             found = whole_effect(self.panel, self.survey, searches, self.known(wholes))
             if found is None:
                 break
@@ -288,8 +301,7 @@ class _Workflow:
         found = (gap_of if self.refit else held_of)(self.model, panel, joint)
         if joint not in self.rests.joints:
             return found
-        # Without the rows in which the sign turns, nothing tells how it does.
-        return replace(found.bare().without(~panel.gather(self.rests.counts)[:, joint]), sticks=True)
+        return found.moving(panel, ~panel.gather(self.rests.counts)[:, joint])
 
     def touches(self, gaps: Sequence[JointGap], named: Sequence[Sequence[Named]]) -> Touches | None:
         """Contact in what names leave, if there is any."""
@@ -332,11 +344,8 @@ class _Workflow:
         models = [self.fitted(self.model, list(chain(*terms[: k + 1]))) for k in range(len(terms))]
         if models:
             findings = self.delivered(findings, models[-1])
-        if self.lag is not None:
-            models.insert(0, self.model)
-            findings.insert(
-                0, Finding("delay", "timing", (), {"seconds": self.lag.seconds}, SURE, (), None, (), np.inf)
-            )
+        first, found_first = self.found_first()
+        findings, models = [*first, *findings], [*found_first, *models]
         shown = evidence([self.start, *models], self.test, self.rests) if self.test else None
         model = models[-1] if models else self.model
         maps = [gap_map(self.panel, self.survey, r) for r in (before, after)]
@@ -346,6 +355,22 @@ class _Workflow:
             self.panel, self.survey, (before, after), causes.p_values, shown, self.rests.joints,
             self.warnings(),
         )  # fmt: skip
+
+    def found_first(self) -> tuple[list[Finding], list[CurrentModel]]:
+        """What was found before any other effect was tried, and the model with each: velocities that lag, gains."""
+        plain = replace(self.model, terms=self.model.terms[: self.known_before])
+        gains = self.model.terms[self.known_before :]
+        findings, models = [], []
+        if self.lag is not None:
+            findings.append(Finding("delay", "timing", (), {"seconds": self.lag.seconds}, SURE, (), None, (), np.inf))
+            models.append(self.fitted(plain, []) if gains else self.model)
+        for k, gain in enumerate(gains, 1):
+            effect = gain.effect
+            figures = effect.summary(self.model.robot, gain.shape, gain.coefficients)
+            joints = () if effect.joint is None else (effect.joint,)
+            findings.append(Finding(effect.name, effect.family, joints, figures, SURE, (), None, (gain,), np.inf))
+            models.append(self.fitted(plain, gains[:k]))
+        return findings, models
 
     def delivered(self, findings: Sequence[Finding], model: CurrentModel) -> list[Finding]:
         """Findings with the term and parameters that the delivered model has of each, all being fitted together."""

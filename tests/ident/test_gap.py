@@ -8,6 +8,7 @@ import pytest
 from scipy.interpolate import CubicSpline
 from scipy.signal import lfilter
 
+from ident.card import Drive
 from ident.effects import load_catalogue
 from ident.effects.friction import Coulomb
 from ident.fit import Drives, fit
@@ -280,6 +281,18 @@ def test_rows_whose_sign_of_velocity_is_noise_are_left_out_and_names_stay(arm):
     assert not np.isnan(find_gap(baseline_model(arm, clean), clean).residuals[0]).any()
 
 
+def test_rows_that_err_by_more_than_noise_of_the_velocity_makes_stay(arm):
+    def late(seed):
+        log, rng = record(arm, seed), np.random.default_rng(seed)
+        current = np.column_stack([np.interp(log.t - 5e-3, log.t, one) for one in log.current.T])
+        return log.replace(q=log.q + 4e-5 * rng.standard_normal(log.q.shape), current=current)
+
+    train = [late(seed) for seed in (1, 2, 3)]
+    found = find_gap(baseline_model(arm, train), train)
+    assert not np.isnan(found.residuals[0]).any()
+    assert [one.effect for one in found.findings] == ["delay"]
+
+
 def test_cut_off_is_the_one_that_predicts_best_unless_it_is_given(arm):
     def counted(seed):
         log = record(arm, seed)
@@ -374,6 +387,19 @@ def test_a_late_current_is_told_by_what_its_law_allows(arm, law):
     assert (one.effect, one.joints) == (law, ())
 
 
+def test_a_wrong_torque_constant_is_told_by_the_links_that_rows_share(arm):
+    def wrong(log):
+        return log.replace(current=log.current * np.array([1.0, 1.15]))
+
+    train = [wrong(log) for log in logs(arm, 1)]
+    known = replace(arm, card=arm.card.model_copy(update={"drive": Drive(gain=[1.0, 1.0])}))
+    found = find_gap(baseline_model(known, train), train, [wrong(record(arm, 9))])
+    assert [(one.effect, one.joints) for one in found.findings] == [("drive-gain", (1,))]
+    assert found.findings[0].parameters["scale"] == pytest.approx(1 / 1.15, rel=0.02)
+    assert found.evidence.before.max() > 1.4 * NOISE
+    np.testing.assert_allclose(found.evidence.after, NOISE * np.array([1.0, 1.15]), rtol=0.1)
+
+
 def test_a_delay_that_shows_on_one_joint_most_is_borne_out_by_the_others(arm):
     def late(seed):
         log = record(arm, seed)
@@ -415,7 +441,7 @@ def test_the_next_experiment_is_the_motion_on_which_two_names_differ(arm):
         matrix = np.stack([np.tanh(v / 2e-3), v, np.ones(len(v))], axis=1)
         return Joined(both, JointGap(1, matrix, both.force[:, 1], np.ones(len(v), dtype=bool), ()), added)
 
-    motions = {name: joined(moved(speed)) for name, speed in (("fast", 2.0), ("slow", 0.08))}
+    motions = {name: joined(moved(speed)) for name, speed in (("fast", 4.0), ("slow", 0.08))}
     found = separating(Question(sigmoid, power, (), NOISE), motions)
     alone = separating(Question(sigmoid, power, (), NOISE), {"slow": motions["slow"]})
     assert found.motion == "fast"  # a power of speed grows on, a sigmoid does not

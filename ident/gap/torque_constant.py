@@ -1,0 +1,70 @@
+"""A torque constant that other joints' rows contradict: a joint's own rows bend their links to it and leave nothing."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+
+import numpy as np
+
+from ident.arrays import FloatArray
+from ident.effects.base import Survey, Term
+from ident.effects.electrical import DriveGain
+from ident.gap.candidates import forms
+from ident.gap.joint_gap import JointGap
+from ident.gap.panel import Panel
+from ident.gap.rows import held_of
+from ident.model import NEWTON_METRE, CurrentModel
+
+CONTRADICTS = 1.1
+"""How many times what its own links leave, RMS, those that all rows share must leave on a joint to be looked at."""
+
+SUSPECTS = 3
+"""Joints that are tried, those of the largest contradiction first."""
+
+OWN, ALL = 0.8, 0.5
+"""Share of a joint's contradiction, in squares, and of that of all joints together, that its gain must account for
+(1.0 and .9 where one was 19 % wrong; up to .5 and .15 in logs of arms whose gains are right)."""
+
+
+def wrong_gain(
+    model: CurrentModel,
+    panel: Panel,
+    survey: Survey,
+    gaps: Sequence[JointGap],
+    fitted: Callable[[CurrentModel, Sequence[Term]], CurrentModel],
+) -> Term | None:
+    """Find the joint whose gain, taken for known, the others' rows say to be another.
+
+    Where gains are known all rows share their links. A wrong one scales what its joint says of them.
+
+    Args:
+        model: fitted to all rows together.
+        panel: the rows.
+        survey: facts about the logs.
+        gaps: each joint's rows, whose links are fitted to them alone.
+        fitted: fits a model again with further terms.
+    """
+    if model.force_unit != NEWTON_METRE or model.n < 2:
+        return None
+    own = np.array([float(np.mean(p.residual**2)) for p in (gap.bare().problem(panel) for gap in gaps)])
+
+    def contradiction(tried: CurrentModel) -> FloatArray:
+        """By how many times each joint's own error, in squares, that of the links that rows share is larger."""
+        seen = panel.seen_by(tried)
+        left = [held_of(tried, seen, gap.joint).target[gap.keep] for gap in gaps]
+        shared = np.array([float(np.mean(rows**2)) for rows in left])
+        return np.asarray(shared / np.maximum(own, 1e-300) - 1.0)
+
+    before = contradiction(model)
+    if before.max() < CONTRADICTS**2 - 1.0:
+        return None
+    present = [term.effect for term in model.terms]
+    for joint in np.argsort(-before)[:SUSPECTS].tolist():
+        for effect in forms(survey, joint, present):
+            if isinstance(effect, DriveGain):
+                unknown = Term(effect, np.zeros(0), np.zeros(1), np.full(1, np.nan), np.zeros(0))
+                tried = fitted(model, [unknown])
+                falls = before - contradiction(tried)
+                if falls[joint] >= OWN * before[joint] and falls.sum() >= ALL * before.sum():
+                    return tried.terms[-1]
+    return None
