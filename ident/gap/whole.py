@@ -169,8 +169,9 @@ def _try(panel: Panel, problems: Sequence[JointProblem], effect: Effect, before:
     def at(shape: FloatArray, lawful: bool) -> Whole | None:
         every = panel.all_columns(effect, shape)
         columns = [p.of(every[:, j]) for j, p in enumerate(problems)]
-        found = _shared(problems, columns, before, effect.plain(shape) if lawful else None)
-        if found is None or np.any(found[0] < lower):
+        meant = effect.plain(shape)
+        found = _shared(problems, columns, before, meant if lawful else None)
+        if found is None or np.any(found[0] < lower) or (meant is not None and np.any(found[0] * meant < 0.0)):
             return None
         likelihood = float(_likelihoods(problems, before.sum(axis=1), found[1].sum(axis=1)).sum())
         return Whole(effect, shape, *found, likelihood, likelihood)
