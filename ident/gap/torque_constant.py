@@ -7,9 +7,8 @@ from collections.abc import Callable, Sequence
 import numpy as np
 
 from ident.arrays import FloatArray
-from ident.effects.base import Survey, Term
+from ident.effects.base import Term, initial_term
 from ident.effects.electrical import DriveGain
-from ident.gap.candidates import forms
 from ident.gap.joint_gap import JointGap
 from ident.gap.panel import Panel
 from ident.gap.rows import held_of
@@ -29,7 +28,6 @@ OWN, ALL = 0.8, 0.5
 def wrong_gain(
     model: CurrentModel,
     panel: Panel,
-    survey: Survey,
     gaps: Sequence[JointGap],
     fitted: Callable[[CurrentModel, Sequence[Term]], CurrentModel],
 ) -> Term | None:
@@ -40,7 +38,6 @@ def wrong_gain(
     Args:
         model: fitted to all rows together.
         panel: the rows.
-        survey: facts about the logs.
         gaps: each joint's rows, whose links are fitted to them alone.
         fitted: fits a model again with further terms.
     """
@@ -60,11 +57,10 @@ def wrong_gain(
         return None
     present = [term.effect for term in model.terms]
     for joint in np.argsort(-before)[:SUSPECTS].tolist():
-        for effect in forms(survey, joint, present):
-            if isinstance(effect, DriveGain):
-                unknown = Term(effect, np.zeros(0), np.zeros(1), np.full(1, np.nan), np.zeros(0))
-                tried = fitted(model, [unknown])
-                falls = before - contradiction(tried)
-                if falls[joint] >= OWN * before[joint] and falls.sum() >= ALL * before.sum():
-                    return tried.terms[-1]
+        if DriveGain(joint) in present:
+            continue
+        tried = fitted(model, [initial_term(DriveGain(joint))])
+        falls = before - contradiction(tried)
+        if falls[joint] >= OWN * before[joint] and falls.sum() >= ALL * before.sum():
+            return tried.terms[-1]
     return None
