@@ -16,7 +16,7 @@ from ident.walk import Block
 TURNED = 3.0
 """Smoothings beyond which the sign has turned."""
 
-WORST = 1.0
+WORST = 0.5
 """By how many times the residual the velocity's noise may shake dry friction while its sign turns."""
 
 BEYOND = 2.0
