@@ -387,6 +387,17 @@ def test_a_late_current_is_told_by_what_its_law_allows(arm, law):
     assert (one.effect, one.joints) == (law, ())
 
 
+def test_a_lead_over_more_than_a_sample_is_no_delay(arm):
+    def early(log):
+        past = np.column_stack([np.interp(log.t - 0.1, log.t, one) for one in log.current.T])
+        return log.replace(current=log.current + 0.3 * (log.current - past))
+
+    train = [early(log) for log in logs(arm, 1)]
+    found = find_gap(baseline_model(arm, train), train)
+    assert not any(one.effect == "delay" and one.parameters["seconds"] < 0.0 for one in found.findings)
+    assert found.findings or found.unexplained
+
+
 def test_a_wrong_torque_constant_is_told_by_the_links_that_rows_share(arm):
     def wrong(log):
         return log.replace(current=log.current * np.array([1.0, 1.15]))
