@@ -15,7 +15,7 @@ from ident.gap.panel import Panel
 from ident.gap.problem import gain
 from ident.gap.search import GAIN
 
-EDGE, WIDEST = 4.0, 0.02
+EDGE, WIDEST = 4.0, 0.012
 """How much narrower and wider the sign of velocity may turn than the model says, and how wide at most [rad/s]."""
 
 MOST = 2.0
