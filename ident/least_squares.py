@@ -10,10 +10,8 @@ from scipy.linalg import solve_triangular
 from scipy.optimize import lsq_linear
 
 from ident.arrays import BoolArray, FloatArray
+from ident.base_parameters import ROUNDING
 from ident.design import Design, Rows
-
-DEPENDENT = 1e-5
-"""A column whose part outside the columns before it is smaller than this share of it adds nothing."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -146,7 +144,7 @@ def _stack(design: Design, factors: Factors, weights: FloatArray) -> tuple[Float
 
 
 def _independent(matrix: FloatArray) -> BoolArray:
-    """Columns that are no combination of those before them."""
+    """Columns that are no combination of those before them, but for the rounding of a URDF's angles."""
     norms = np.linalg.norm(matrix, axis=0)
     largest = norms.max(initial=0.0)
     scaled = matrix / np.where(norms > 1e-12 * largest, norms, np.inf)
@@ -157,7 +155,7 @@ def _independent(matrix: FloatArray) -> BoolArray:
         rest = scaled[:, k] - basis @ (basis.T @ scaled[:, k])
         rest -= basis @ (basis.T @ rest)
         length = np.linalg.norm(rest)
-        if length > DEPENDENT:
+        if length > ROUNDING:
             independent[k] = True
             basis = np.column_stack([basis, rest / length])
     return independent

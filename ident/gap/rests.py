@@ -48,10 +48,7 @@ TOGETHER = (0.3, 2.0)
 rests."""
 
 HELD = 2.0
-"""What dry friction holds has an RMS of this many times its force in motion, at most."""
-
-MOST = 2.0
-"""And it holds this many times that force at any moment, at most, as joints break away."""
+"""Dry friction holds this many times its force in motion at most, as joints break away."""
 
 RATTLES, QUIETER = 2.0, 0.25
 """What dry friction holds is quiet: its noise is at most this many times that in motion, told by a quarter of rows."""
@@ -160,7 +157,7 @@ def rests_of(model: CurrentModel, panel: Panel, survey: Survey) -> Rests:
     sticks = [sticking(gap, STICKS) for gap in gaps]
     if np.mean(sticks) >= TOGETHER[0]:
         sticks = [one or sticking(gap, TOGETHER[1]) for one, gap in zip(sticks, gaps, strict=True)]
-    return Rests(np.array(sticks), may, speed, MOST * survey.holds, around)
+    return Rests(np.array(sticks), may, speed, HELD * survey.holds, around)
 
 
 def _sticks(panel: Panel, survey: Survey, gap: JointGap, rest: BoolArray, noise: FloatArray, times: float) -> bool:

@@ -37,7 +37,7 @@ def wrong_gain(
 
     Args:
         model: fitted to all rows together.
-        panel: the rows.
+        panel: the rows, as that model sees them.
         gaps: each joint's rows, whose links are fitted to them alone.
         fitted: fits a model again with further terms.
     """
@@ -45,14 +45,13 @@ def wrong_gain(
         return None
     own = np.array([float(np.mean(p.residual**2)) for p in (gap.bare().problem(panel) for gap in gaps)])
 
-    def contradiction(tried: CurrentModel) -> FloatArray:
+    def contradiction(tried: CurrentModel, seen: Panel) -> FloatArray:
         """By how many times each joint's own error, in squares, that of the links that rows share is larger."""
-        seen = panel.seen_by(tried)
         left = [held_of(tried, seen, gap.joint).target[gap.keep] for gap in gaps]
         shared = np.array([float(np.mean(rows**2)) for rows in left])
         return np.asarray(shared / np.maximum(own, 1e-300) - 1.0)
 
-    before = contradiction(model)
+    before = contradiction(model, panel)
     if before.max() < CONTRADICTS**2 - 1.0:
         return None
     present = [term.effect for term in model.terms]
@@ -60,7 +59,7 @@ def wrong_gain(
         if DriveGain(joint) in present:
             continue
         tried = fitted(model, [initial_term(DriveGain(joint))])
-        falls = before - contradiction(tried)
+        falls = before - contradiction(tried, panel.seen_by(tried))
         if falls[joint] >= OWN * before[joint] and falls.sum() >= ALL * before.sum():
             return tried.terms[-1]
     return None

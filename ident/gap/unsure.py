@@ -30,9 +30,9 @@ AROUND = 0.25
 def unsure_rows(model: CurrentModel, panel: Panel, survey: Survey, residual: FloatArray) -> BoolArray:
     """Find rows (N, n) in which noise of the velocity, and not the joint, says which way friction points.
 
-    They are left out of a joint only where that noise shakes its dry friction by more than the residual in motion is:
-    where the sign turns a force F over the speed s, noise of standard deviation v leaves an error of F v / s. Where
-    far more is left than that, something else is there, and they stay.
+    They are left out of a joint only where that noise shakes its dry friction by more than half of what is left in
+    motion: where the sign turns a force F over the speed s, noise of standard deviation v leaves an error of F v / s.
+    Where far more is left than that, something else is there, and they stay.
 
     Args:
         model: the baseline, with its dry friction.

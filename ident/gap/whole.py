@@ -169,6 +169,7 @@ def _try(panel: Panel, problems: Sequence[JointProblem], effect: Effect, before:
     def at(shape: FloatArray, lawful: bool) -> Whole | None:
         every = panel.all_columns(effect, shape)
         columns = [p.of(every[:, j]) for j, p in enumerate(problems)]
+        # A lead is no delay over a span that it does not fill.
         meant = effect.plain(shape)
         found = _shared(problems, columns, before, meant if lawful else None)
         if found is None or np.any(found[0] < lower) or (meant is not None and np.any(found[0] * meant < 0.0)):

@@ -360,17 +360,15 @@ class _Workflow:
         """What was found before any other effect was tried, and the model with each: velocities that lag, gains."""
         plain = replace(self.model, terms=self.model.terms[: self.known_before])
         gains = self.model.terms[self.known_before :]
-        findings, models = [], []
+        findings = []
         if self.lag is not None:
             findings.append(Finding("delay", "timing", (), {"seconds": self.lag.seconds}, SURE, (), None, (), np.inf))
-            models.append(self.fitted(plain, []) if gains else self.model)
-        for k, gain in enumerate(gains, 1):
+        for gain in gains:
             effect = gain.effect
             figures = effect.summary(self.model.robot, gain.shape, gain.coefficients)
-            joints = () if effect.joint is None else (effect.joint,)
-            findings.append(Finding(effect.name, effect.family, joints, figures, SURE, (), None, (gain,), np.inf))
-            models.append(self.fitted(plain, gains[:k]))
-        return findings, models
+            findings.append(Finding(effect.name, effect.family, (effect.at,), figures, SURE, (), None, (gain,), np.inf))
+        known = range(0 if self.lag is not None else 1, len(gains) + 1)
+        return findings, [self.model if k == len(gains) else self.fitted(plain, gains[:k]) for k in known]
 
     def delivered(self, findings: Sequence[Finding], model: CurrentModel) -> list[Finding]:
         """Findings with the term and parameters that the delivered model has of each, all being fitted together."""
