@@ -335,6 +335,9 @@ class _Workflow:
             before[plain.keep, gap.joint], after[full.keep, gap.joint] = plain.residual, full.residual
             findings += [self.joint_finding(gap, names, one, plain.errors().total) for one in names]
             nameless += unexplained(self.panel, self.survey, gap, names, doubted)
+        if len(self.model.terms) > self.known_before:
+            # Rows fitted one joint at a time bend their links to a wrong gain: only those that all share show it.
+            before = np.where(np.isnan(before), np.nan, self.left_by(self.start))
         if contacts:
             findings.append(_contact(contacts))
         findings.sort(key=lambda f: -f.explained)
@@ -355,6 +358,11 @@ class _Workflow:
             self.panel, self.survey, (before, after), causes.p_values, shown, self.rests.joints,
             self.warnings(),
         )  # fmt: skip
+
+    def left_by(self, model: CurrentModel) -> FloatArray:
+        """What a model as it is leaves of all rows, (N, n)."""
+        panel = self.panel.seen_by(model)
+        return np.stack([held_of(model, panel, j).target for j in range(model.n)], axis=1)
 
     def found_first(self) -> tuple[list[Finding], list[CurrentModel]]:
         """What was found before any other effect was tried, and the model with each: velocities that lag, gains."""
