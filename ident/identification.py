@@ -18,15 +18,15 @@ from ident.effects.transmission import CrossJointFriction
 from ident.errors import InputError
 from ident.feasible import Feasible, SolverFailure, feasible_parameters
 from ident.fit import Fit, fit
+from ident.gap.baseline import Foreseen, foreseen
 from ident.gap.rests import Rests, find_rests
-from ident.gap.smoothing import smoothed
 from ident.log import LogSource
 from ident.model import CurrentModel
 from ident.model_file import save_model
 from ident.parameters import Parameter, list_parameters
 from ident.robot import Robot
 from ident.signals import CutoffChoice
-from ident.start import Gains, PayloadLogs, Start, start_of
+from ident.start import GIVEN, Gains, PayloadLogs, Start, start_of
 from ident.structure import Structure, choose_structure, coupled
 from ident.urdf_export import write_urdf
 
@@ -141,9 +141,10 @@ def _identify(
     progress: Progress | None,
 ) -> Identification:
     tell = progress or (lambda what, share: None)
-    tell("looking for joints that stick", 0.0)
-    start, rests = _stuck(robot, start_of(robot, train, cutoff, gains, loaded), train)
-    hertz, drives = start.cutoff.hertz, start.drives
+    tell("looking at the logs", 0.0)
+    start, seen = _seen(robot, start_of(robot, train, cutoff, gains, loaded), train)
+    train = [seen.model.view(source) for source in train]
+    hertz, drives, rests = start.cutoff.hertz, start.drives, seen.rests
     structure: Structure | None = None
     if effects is None:
         tell("choosing friction terms", 0.0)
@@ -160,27 +161,32 @@ def _identify(
     else:
         used = _named(robot, start, effects)
     found = fit(robot, used, train, hertz, drives, robust, lambda share: tell("fitting", share), counts=rests.counts)
+    model = replace(found.model, positions_only=seen.model.positions_only)
     feasible, trouble = _feasible(robot, found, start.gains)
     warnings = [
-        *sign_warnings(found.model, start.held),
+        *sign_warnings(model, start.held),
         *still_warnings(robot, start.still),
         *gain_warnings(start.gain_estimate),
         *trouble,
     ]
     return Identification(
-        found.model, found, start.gains, start.gain_estimate, start.cutoff, structure, feasible, rests, tuple(warnings)
+        model, found, start.gains, start.gain_estimate, start.cutoff, structure, feasible, rests, tuple(warnings)
     )
 
 
-def _stuck(robot: Robot, start: Start, train: Sequence[LogSource]) -> tuple[Start, Rests]:
-    """The joints that stick; where any seems to, also a start whose signs of velocity turn as the logs ask for."""
-    plain = start.model(robot)
-    rests = find_rests(plain, train)
-    if not rests.joints:
-        return start, rests
+def _seen(robot: Robot, start: Start, train: Sequence[LogSource]) -> tuple[Start, Foreseen]:
+    """The start with the signs and sources of velocity and, unless it is given, the cut-off that predict best."""
+    given = start.cutoff.reason == GIVEN
+    found = foreseen(start.model(robot), train, not given)
+    effects = [term.effect for term in found.model.terms]
+    hertz = found.model.cutoff
+    cutoff = start.cutoff
+    if hertz != cutoff.hertz:
+        cutoff = CutoffChoice(hertz, f"{hertz:.3g} Hz: rows held out are predicted best with it")
+    start = replace(start, effects=effects, cutoff=cutoff)
     # A sign that turns elsewhere than the joint's own looks like friction that holds.
-    start = replace(start, effects=[term.effect for term in smoothed(plain, train, rests).model.terms])
-    return start, find_rests(start.model(robot), train)
+    rests = find_rests(found.model, train) if found.rests.joints else found.rests
+    return start, replace(found, rests=rests)
 
 
 def _named(robot: Robot, start: Start, names: Sequence[str]) -> list[Effect]:

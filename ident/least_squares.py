@@ -95,9 +95,12 @@ def solve(design: Design, factors: Factors, weights: FloatArray | None = None) -
     parameters = np.zeros(design.count)
     # A joint whose current is constant must not get an infinite weight.
     floor = 1e-12 * max(np.max(factors.residual_variance(design, parameters)), 1e-300)
+    # Weights must not make information of a rounding in the rows of a joint whose noise is small.
+    told = independent(design, factors)
     for _ in range(reweight + 1):
         matrix, target = _stack(design, factors, weights)
-        determined = _independent(matrix)
+        determined = told.copy()
+        determined[told] = _independent(matrix[:, told])
         parameters = np.zeros(design.count)
         parameters[determined] = _bounded(matrix[:, determined], target, lower[determined])
         variance = np.maximum(factors.residual_variance(design, parameters), floor)

@@ -182,7 +182,9 @@ def _velocity_lag(log: JointLog, motion: Motion) -> FloatArray:
         difference, ddq = (motion.dq - logged)[known, j], motion.ddq[known, j]
         if not known.any() or np.abs(motion.dq[known, j]).max() < 10.0 * REST_SPEED:
             continue
-        ratio, weight = difference / np.where(ddq == 0.0, np.inf, ddq), np.abs(ddq)
+        turns = np.abs(ddq) > 1e-9 * np.abs(ddq).max()
+        difference, ddq = difference[turns], ddq[turns]
+        ratio, weight = difference / ddq, np.abs(ddq)
         order = np.argsort(ratio)
         half = np.searchsorted(np.cumsum(weight[order]), 0.5 * weight.sum())
         lag[j] = ratio[order[half]]

@@ -58,7 +58,7 @@ def walk(source: LogSource, cutoff: float, rows: int = ROWS) -> Iterator[Block]:
 
 
 def collect(sources: Iterable[LogSource], cutoff: float, limit: int = SEARCH_ROWS) -> list[Block]:
-    """Hold the logs' rows in memory, or evenly spread stretches of them where they exceed the limit.
+    """Hold the logs' rows in memory, segment by segment, or evenly spread stretches where they exceed the limit.
 
     Effects with memory start anew in every block; the first tenth of one that does not begin a segment is not kept.
     """
@@ -66,18 +66,37 @@ def collect(sources: Iterable[LogSource], cutoff: float, limit: int = SEARCH_ROW
     every, seen = 1, 0
     for source in sources:
         for block in walk(source, cutoff):
-            if not block.keep.any():
-                continue
             seen += 1
             if (seen - 1) % every:
                 continue
-            keep = block.keep.copy()
-            if not block.first:
-                keep[: len(keep) // 10] = False
-            held.append(replace(block, first=True, keep=keep))
+            held.append(block)
             if sum(len(b.keep) for b in held) > 2 * limit:
                 held, every = held[::2], every * 2
-    return held
+    begun = _whole(held) if every == 1 else [block if block.first else _begun(block) for block in held]
+    return [block for block in begun if block.keep.any()]
+
+
+def _whole(blocks: Sequence[Block]) -> list[Block]:
+    """Join blocks that follow one another to segments, in which memories last."""
+    runs: list[list[Block]] = []
+    for block in blocks:
+        if block.first:
+            runs.append([])
+        runs[-1].append(block)
+    return [run[0] if len(run) == 1 else _one(run) for run in runs]
+
+
+def _one(run: Sequence[Block]) -> Block:
+    parts = [block.motion for block in run]
+    motion = Motion(*(np.concatenate([getattr(part, name) for part in parts]) for name in ("t", "q", "dq", "ddq")))
+    return Block(_join([block.log for block in run]), motion, True, np.concatenate([block.keep for block in run]))
+
+
+def _begun(block: Block) -> Block:
+    """A block that does not begin a segment, as one that does: its first tenth tells memories where they are."""
+    keep = block.keep.copy()
+    keep[: len(keep) // 10] = False
+    return replace(block, first=True, keep=keep)
 
 
 def thin(blocks: Sequence[Block], limit: int) -> list[Block]:
@@ -116,7 +135,7 @@ def _walk_segment(blocks: Iterator[tuple[JointLog, bool]], cutoff: float) -> Ite
     begun = 0  # rows of the window that have been given out
     first = True
     for block, last in blocks:
-        window = block if window is None else _join(window, block)
+        window = block if window is None else _join([window, block])
         # A single row has no rate: it waits for more, or is a segment of its own.
         margin = math.ceil(MARGIN_PERIODS * window.rate / cutoff) if len(window) > 1 else 1
         end = len(window) if last else len(window) - margin
@@ -147,6 +166,7 @@ def _settled(window: JointLog, cutoff: float, first: bool, last: bool) -> BoolAr
     return settled
 
 
-def _join(before: JointLog, after: JointLog) -> JointLog:
-    joined = concatenate([before, after], before.name)
-    return joined.replace(segment=np.full(len(joined), after.segment[0]))
+def _join(logs: Sequence[JointLog]) -> JointLog:
+    """Rows of one segment that follow one another."""
+    joined = concatenate(list(logs), logs[0].name)
+    return joined.replace(segment=np.full(len(joined), logs[0].segment[0]))

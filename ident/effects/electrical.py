@@ -9,7 +9,7 @@ import numpy as np
 
 from ident.arrays import FloatArray
 from ident.effects.base import Coefficient, Context, Effect, Shape, Survey, ToldAtLargest
-from ident.effects.transmission import GEAR_HARMONICS, POLE_HARMONICS, GearRipple, most_of_gears
+from ident.effects.transmission import GEAR_HARMONICS, POLE_HARMONICS, GearRipple, fewest_repeats, most_of_gears
 
 if TYPE_CHECKING:
     from ident.robot import Robot
@@ -135,5 +135,9 @@ class Cogging(GearRipple):
         """Try it on turning joints, above the repeats that a gear can have."""
         if joint is None or survey.robot.multibody.prismatic[joint]:
             return []
-        fewest = most_of_gears(survey, joint)
-        return [cls(joint, most=max(fewest * POLE_HARMONICS / GEAR_HARMONICS, DIRECT_DRIVE), fewest=fewest)]
+        gears = most_of_gears(survey, joint)
+        fewest, most = (
+            max(gears, fewest_repeats(survey, joint)),
+            max(gears * POLE_HARMONICS / GEAR_HARMONICS, DIRECT_DRIVE),
+        )
+        return [cls(joint, most=most, fewest=fewest)] if most > fewest + 1.0 else []

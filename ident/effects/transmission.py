@@ -18,6 +18,9 @@ if TYPE_CHECKING:
 FEWEST_REPEATS = 4.0
 """Fewer repeats a turn of the joint look like a cable, a balancer or the links' weight."""
 
+WAVES = 2.0
+"""Waves over the angles seen, fewer of which look like them, too."""
+
 USUAL_RATIO = 100.0
 """Gear ratio of a robot joint whose card names none."""
 
@@ -121,10 +124,9 @@ class GearRipple(Effect):
         """Try it on turning joints with a gear, up to the repeats of a motor turn, also for its second harmonic."""
         if joint is None or survey.robot.multibody.prismatic[joint]:
             return []
-        most = most_of_gears(survey, joint)
-        if most <= FEWEST_REPEATS + 1.0:
-            return []
-        return [cls(joint, most, FEWEST_REPEATS), cls(joint, min(most, HARMONIC_REPEATS), FEWEST_REPEATS, 2)]
+        fewest, most = fewest_repeats(survey, joint), most_of_gears(survey, joint)
+        tried = ((most, 1), (min(most, HARMONIC_REPEATS), 2))
+        return [cls(joint, limit, fewest, harmonics) for limit, harmonics in tried if limit > fewest + 1.0]
 
     @property
     def shapes(self) -> tuple[Shape, ...]:
@@ -154,6 +156,16 @@ class GearRipple(Effect):
         turned = [(k * angle, k * shape[0] * angle) for k in range(1, self.harmonics + 1)]
         slopes = [slope for by, phase in turned for slope in (by * np.cos(phase), -by * np.sin(phase))]
         return np.stack(slopes, axis=1)[None]
+
+
+def fewest_repeats(survey: Survey, joint: int) -> float:
+    """Return the repeats a turn of a joint from which on a force of its angle is seen to repeat.
+
+    Args:
+        survey: what is known of robot and logs.
+        joint: from 0.
+    """
+    return max(FEWEST_REPEATS, WAVES * 2.0 * np.pi / max(float(survey.reach[joint]), 1e-6))
 
 
 def most_of_gears(survey: Survey, joint: int) -> float:

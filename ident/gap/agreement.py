@@ -18,6 +18,10 @@ AGREES, SLACK, HARM = 0.7, 0.05, 0.02
 """How much of the force that an effect predicts must be there, at rest and in motion; shares of the squared residual
 that may be lacking of that, and that it may at most add."""
 
+IN_TIME = 0.4
+"""How much of that force must be there in slow and in fast motion of the joints: .06 to .14 of a delay was where joints
+creep as they turn round, .5 and more of true ones, whose slow motion is next to turns that noise shifts."""
+
 
 def agrees(problem: JointProblem, columns: FloatArray, groups: Sequence[BoolArray]) -> bool:
     """Whether what an effect predicts for rows held out is there in every group of rows: rests are few, however long.
@@ -73,6 +77,6 @@ def agrees_at_any_pace(joints: Sequence[Predicted]) -> bool:
             weight, rows = 1.0 / max(size, 1e-300), one.pace == pace
             product += weight * float(one.residual[rows] @ one.force[rows])
             square += weight * float(one.force[rows] @ one.force[rows])
-        if product < AGREES * square - 2.0 * np.sqrt(square):
+        if product < IN_TIME * square - 2.0 * np.sqrt(square):
             return False
     return True

@@ -56,20 +56,43 @@ def _baseline(
 ) -> CurrentModel:
     begun = start_of(robot, train, cutoff)
     tell("fitting", 0.0)
-    found = begun.model(robot)
-    rests = find_rests(found, train)
-    tell("fitting", 0.3)
+    found = foreseen(begun.model(robot), train, cutoff is None)
+    views = [found.model.view(source) for source in train]
+    effects = [term.effect for term in found.model.terms]
+    fitted = fit(robot, effects, views, found.model.cutoff, begun.drives, counts=found.rests.counts).model
+    tell("fitting", 1.0)
+    return replace(fitted, positions_only=found.model.positions_only)
+
+
+@dataclass(frozen=True, eq=False)
+class Foreseen:
+    """A plain model with the signs of velocity, source of velocities and cut-off that predict logs best.
+
+    Attributes:
+        model: the model, whose parameters are those of the first cut-off still.
+        rests: which joints stick.
+    """
+
+    model: CurrentModel
+    rests: Rests
+
+
+def foreseen(model: CurrentModel, train: Sequence[LogSource], choose: bool) -> Foreseen:
+    """Let a plain model see logs as it predicts rows held out best.
+
+    Args:
+        model: links, rotors, offsets, Coulomb and viscous friction, fitted to the logs.
+        train: the logs.
+        choose: whether the cut-off is chosen, too.
+    """
+    rests = find_rests(model, train)
     logged = any(block.dq is not None for source in train for block in itertools.islice(source.blocks(2), 1))
     logs = _Logs(train, logged, rests)
-    best = _best_velocities(found, logs)
-    if cutoff is None:
+    best = _best_velocities(model, logs)
+    if choose:
         lower = _followed(best, STEP, logs)
         best = lower if lower is not best else _followed(best, 1.0 / STEP, logs)
-    effects = [term.effect for term in best.model.terms]
-    views = [best.model.view(source) for source in train]
-    fitted = fit(robot, effects, views, best.model.cutoff, begun.drives, counts=rests.counts).model
-    tell("fitting", 1.0)
-    return replace(fitted, positions_only=best.model.positions_only)
+    return Foreseen(best.model, rests)
 
 
 @dataclass(frozen=True, eq=False)

@@ -36,8 +36,8 @@ SEEN, TURNS_SEEN, RESTLESS = 0.03, 0.005, 4.0
 """Share of rows that rest, and motion, must have, and those in which the load changes sides; how many times larger the
 mean square must be there than elsewhere for something to happen, whatever it follows."""
 
-AROUND = 0.1
-"""Seconds around a row in which the load changes sides that go with it."""
+AROUND = 0.15
+"""Seconds around a row in which the load changes sides that go with it: a link flies through the gap as long."""
 
 WORTH_SAYING = 0.06
 """Share of a joint's squared residual that must be explainable for it to be called unexplained."""

@@ -16,6 +16,10 @@ Float32Array = npt.NDArray[np.float32]
 RIDGE = 1e-10
 """Share of a column's square added to the normal matrix, so that columns that say the same do no harm."""
 
+LEANING = 0.05
+"""Weight with which rows held out tell the baseline's own parameters. One that the other rows hardly tell, as of links
+in poses that no other log has, would else make errors of any size, with an effect as without."""
+
 
 def sizes(columns: npt.NDArray[Any]) -> npt.NDArray[Any]:
     """Lengths (k,) of columns (N, k)."""
@@ -62,8 +66,10 @@ class Sums:
         return inside - across.T @ own_of[:, :-1], target - across.T @ own_of[:, -1]
 
     def held_out(self, fold: int, coefficients: FloatArray) -> float:
-        """Squared residual of a fold with Z's coefficients given and X's fitted to the other folds."""
-        own, own_target, across = (x.sum(axis=0) - x[fold] for x in (self.own, self.own_target, self.across))
+        """Squared residual of a fold with Z's coefficients given, X's fitted to the others and leaning on its own."""
+        own, own_target, across = (
+            x.sum(axis=0) - (1.0 - LEANING) * x[fold] for x in (self.own, self.own_target, self.across)
+        )
         mine = self._through(own, (own_target - across @ coefficients)[:, None])[:, 0]
         square = self.squares[fold] - 2.0 * (mine @ self.own_target[fold] + coefficients @ self.target[fold])
         square += mine @ self.own[fold] @ mine + coefficients @ self.inside[fold] @ coefficients
@@ -95,7 +101,9 @@ class JointProblem:
         self.matrix = matrix[self.keep] / self.norm
         self.target = target[self.keep]
         self.fold = fold[self.keep]
-        self.folds = [np.flatnonzero(self.fold == k) for k in np.unique(self.fold)]
+        # A fold none of whose rows counts is one still: all joints have as many.
+        self.labels = np.unique(fold)
+        self.folds = [np.flatnonzero(self.fold == k) for k in self.labels]
         self._own = self._products(self.matrix, self.matrix)
         self._own_target = self._products(self.matrix, self.target[:, None])
         self._squares = np.array([self.target[f] @ self.target[f] for f in self.folds])
@@ -187,12 +195,11 @@ class JointProblem:
             )
             product = np.concatenate([self._own_target, self._products(extra, self.target[:, None])], 1)[:, :, 0]
         whole, target = gram.sum(axis=0), product.sum(axis=0)
-        ridge = RIDGE * np.diag(np.diag(whole) + 1e-300)
         held = [
-            self._squared(gram[k], product[k], self._squares[k], whole - gram[k] + ridge, target - product[k])
+            self._squared(gram[k], product[k], self._squares[k], self._others(whole, target, gram[k], product[k]))
             for k in range(len(self.folds))
         ]
-        fitted = self._squared(whole, target, self._squares.sum(), whole + ridge, target)
+        fitted = self._squared(whole, target, self._squares.sum(), _solved(whole, target))
         return Errors(fitted, np.array(held))
 
     def held_out(self, columns: FloatArray) -> FloatArray:
@@ -203,11 +210,9 @@ class JointProblem:
         if both.shape[1] == 0:
             return left
         whole, product = both.T @ both, both.T @ self.target
-        ridge = RIDGE * np.diag(np.diag(whole) + 1e-300)
         for rows in self.folds:
             part = both[rows]
-            normal = whole - part.T @ part + ridge
-            left[rows] -= part @ np.linalg.lstsq(normal, product - part.T @ self.target[rows], rcond=1e-12)[0]
+            left[rows] -= part @ self._others(whole, product, part.T @ part, part.T @ self.target[rows])
         return left
 
     def sums(self, columns: FloatArray) -> Sums:
@@ -221,14 +226,28 @@ class JointProblem:
             self._products(columns, self.target[:, None])[:, :, 0],
         )
 
-    def _squared(
-        self, gram: FloatArray, product: FloatArray, square: float, normal: FloatArray, right: FloatArray
-    ) -> float:
-        if len(right) == 0:
-            return float(square)
-        found = np.linalg.lstsq(normal, right, rcond=1e-12)[0]
+    def _others(self, whole: FloatArray, target: FloatArray, own: FloatArray, own_target: FloatArray) -> FloatArray:
+        """Coefficients (p + k,) fitted to all rows but a fold's, of which ``own`` are the products.
+
+        Of the baseline's alone they lean on the fold's rows, too.
+        """
+        found, p = _solved(whole - own, target - own_target), self.matrix.shape[1]
+        lean, right = whole[:p] - (1.0 - LEANING) * own[:p], target[:p] - (1.0 - LEANING) * own_target[:p]
+        found[:p] = _solved(lean[:, :p], right - lean[:, p:] @ found[p:])
+        return found
+
+    @staticmethod
+    def _squared(gram: FloatArray, product: FloatArray, square: float, found: FloatArray) -> float:
         return max(float(square - 2.0 * found @ product + found @ gram @ found), 0.0)
 
     def _products(self, left: FloatArray, right: FloatArray) -> FloatArray:
         """Products (folds, p, q) of columns, fold by fold."""
         return np.stack([left[f].T @ right[f] for f in self.folds])
+
+
+def _solved(normal: FloatArray, right: FloatArray) -> FloatArray:
+    """Solution of normal equations in which columns may say the same."""
+    if len(right) == 0:
+        return np.zeros(0)
+    ridge = RIDGE * np.diag(np.diag(normal) + 1e-300)
+    return np.asarray(np.linalg.lstsq(normal + ridge, right, rcond=1e-12)[0])

@@ -31,7 +31,7 @@ STANDS, OF_MEAN = 5e-3, 0.05
 AROUND = 1.0
 """Periods of the cut-off around a rest that go with it: derived velocities are smoothed, and turn too early or late."""
 
-RESTS, MOVES = 0.02, 0.1
+RESTS, MOVES = 0.02, 0.03
 """Share of the rows that must be rests for them to be looked at, and motion for it to tell what is usual."""
 
 LASTS, MOSTLY = 0.1, 0.5
@@ -46,6 +46,9 @@ SHAKEN = 2.0
 TOGETHER = (0.3, 2.0)
 """Where this share of the joints sticks, so many times will do for the others: what they lack in motion hides their
 rests."""
+
+ALL = 0.75
+"""Where this share of the joints that may stick do, all do: what one lacks in motion may look like what it holds."""
 
 HELD = 2.0
 """Dry friction holds this many times its force in motion at most, as joints break away."""
@@ -108,8 +111,12 @@ class Rests:
 
 
 def stands(block: Block, speed: FloatArray, around: float) -> BoolArray:
-    """Rows (N, n) of a block in which, or within seconds of which, each joint is slower than a speed (n,)."""
+    """Rows (N, n) of a block in which, or within seconds of which, each joint is slower than a speed (n,) or turns."""
     slow = np.abs(block.motion.dq) < speed
+    # A quick turn has no sample as slow as that.
+    turns = (block.motion.dq[1:] * block.motion.dq[:-1] < 0.0) & (speed > 0.0)
+    slow[1:] |= turns
+    slow[:-1] |= turns
     if not slow.any():
         return slow
     width = 2 * max(1, round(around * block.log.rate)) + 1
@@ -157,7 +164,8 @@ def rests_of(model: CurrentModel, panel: Panel, survey: Survey) -> Rests:
     sticks = [sticking(gap, STICKS) for gap in gaps]
     if np.mean(sticks) >= TOGETHER[0]:
         sticks = [one or sticking(gap, TOGETHER[1]) for one, gap in zip(sticks, gaps, strict=True)]
-    return Rests(np.array(sticks), may, speed, HELD * survey.holds, around)
+    everyone = np.sum(sticks) >= ALL * may.sum()
+    return Rests(may if everyone else np.array(sticks), may, speed, HELD * survey.holds, around)
 
 
 def _sticks(panel: Panel, survey: Survey, gap: JointGap, rest: BoolArray, noise: FloatArray, times: float) -> bool:
@@ -219,15 +227,26 @@ def _told(panel: Panel, survey: Survey, gap: JointGap, rest: BoolArray, usual: f
         return False  # links bend to few rests until nothing is left of them, and any effect explains one
     noise = min(usual + by_noise, 0.5 * (usual + held))
     least = EXPLAINED * noise + (1.0 - EXPLAINED) * held
-    for effect in forms(survey, gap.joint, gap.present):
-        if effect.family in TELLING:
-            start = best_start(panel, problem, effect, gap.joint)
-            columns = admissible(panel, problem, effect, start.shape, gap.joint)
-            if np.mean(problem.left(columns)[rest] ** 2) < least:
-                # The shortest displacement that is begun with is no shortest yet.
-                found = refine(panel, problem, start, gap.joint) if effect.family == "hysteresis" else start
-                if not slipless(panel, gap, found):
-                    return True
+
+    def rest_of(trial: Trial) -> float:
+        columns = admissible(panel, problem, trial.effect, trial.shape, gap.joint)
+        return float(np.mean(problem.left(columns)[rest] ** 2))
+
+    tried = [
+        best_start(panel, problem, effect, gap.joint)
+        for effect in forms(survey, gap.joint, gap.present)
+        if effect.family in TELLING
+    ]
+    # The shortest displacement that is begun with is no shortest yet, and the best start may be a little off.
+    best = min(tried, key=rest_of, default=None)
+    for start in tried:
+        enough = rest_of(start) < least
+        if not (enough or start is best):
+            continue
+        searched = start.effect.shapes and (start is best or start.effect.family == "hysteresis")
+        found = refine(panel, problem, start, gap.joint) if searched else start
+        if (enough or rest_of(found) < least) and not slipless(panel, gap, found):
+            return True
     return False
 
 

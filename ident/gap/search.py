@@ -20,7 +20,7 @@ from ident.gap.problem import Errors, JointProblem, gain
 from ident.uncertainty import correlation_time
 
 GAIN = 0.05
-"""An effect must lower the held-out RMS residual of its joint by this share, and on every fold."""
+"""An effect must lower the held-out RMS residual of its joint by this share."""
 
 LEVEL = 0.01
 """Chance of a false name on a whole robot that the gate allows."""
@@ -48,7 +48,7 @@ AT_REST = ("coulomb-asymmetry",)
 """Effects that motion alone does not tell from those that a joint has: not asked of one whose rests are left out."""
 
 WORSE = 0.05
-"""Share of what is gained over all folds that may be lost on some, where each has the shape that the others found."""
+"""Share of what is gained over all folds that may be lost on some."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -92,12 +92,12 @@ class Beside:
         return self.gains(trial) and self.holds(panel, trial, self.columns(panel, trial))
 
     def holds(self, panel: Panel, trial: Trial, columns: FloatArray) -> bool:
-        """Whether a candidate helps in every fold, at rest and in motion, without nuisance, and by any fold's shape."""
+        """Whether a candidate helps on all folds, at rest and in motion, without nuisance, and by any fold's shape."""
         assert trial.errors is not None
         moving = classes_of(panel, self.problem, self.joint) >= MOVING
         groups = [rows for rows, share in ((moving, FEW), (~moving, RESTS)) if rows.mean() > share]
-        everywhere = bool(np.all(trial.errors.held_out < self.before.held_out))
-        everywhere = everywhere and agrees(self.problem, columns, groups) and self._is_on_time(panel, trial, columns)
+        everywhere = self._helps(trial.errors.held_out) and agrees(self.problem, columns, groups)
+        everywhere = everywhere and self._is_on_time(panel, trial, columns)
         return everywhere and self._shrinks(panel, trial) and self._repeats(panel, trial)
 
     def columns(self, panel: Panel, trial: Trial) -> FloatArray:
@@ -119,10 +119,13 @@ class Beside:
 
     def _repeats(self, panel: Panel, trial: Trial) -> bool:
         """Whether it predicts the folds with its shape, too, found on the others: a shape may fit by chance."""
-        held_out = nested_errors(panel, self.gap, [n.trial for n in self.named], trial.effect)
+        held_out = nested_errors(panel, self.gap, [n.trial for n in self.named], trial)
+        return self._helps(held_out) and gain(self.before.total, float(held_out.sum())) > GAIN
+
+    def _helps(self, held_out: FloatArray) -> bool:
+        """Whether squared residuals (folds,) fall, or rise next to nothing where an effect hardly shows."""
         fall = self.before.held_out - held_out
-        better = bool(-fall[fall < 0.0].sum() <= WORSE * fall.sum())
-        return better and gain(self.before.total, float(held_out.sum())) > GAIN
+        return bool(-fall[fall < 0.0].sum() <= WORSE * fall.sum())
 
 
 @dataclass(frozen=True, eq=False)

@@ -106,7 +106,7 @@ def _repeats(
     panel: Panel, gap: JointGap, others: Sequence[Trial], rival: Trial, before: float, explained: float
 ) -> bool:
     """Whether a rival predicts half as much with its shape, too, found on other rows: a shape may fit by chance."""
-    return before - float(nested_errors(panel, gap, others, rival.effect).sum()) > 0.5 * explained
+    return before - float(nested_errors(panel, gap, others, rival).sum()) > 0.5 * explained
 
 
 def _held_out(panel: Panel, problem: JointProblem, trial: Trial, joint: int) -> FloatArray:

@@ -19,7 +19,7 @@ TURNED = 3.0
 WORST = 0.5
 """By how many times the residual the velocity's noise may shake dry friction while its sign turns."""
 
-BEYOND = 2.0
+BEYOND = 1.6
 """By how many times what the noise makes, RMS, these rows may err before that is no longer noise (.7 to 1.4 in logs
 without an effect, 2.4 with a delay of the current's noise)."""
 

@@ -105,7 +105,7 @@ def whole_effect(
         if instead is not None and type(best.effect) is type(instead):
             shown = bool(likelihoods.sum() > single[instead.at])
         elif alone:
-            shown = bool(likelihoods[one] > BEATS * single[one]) and bool(np.all(best.held_out[one] < before[one]))
+            shown = bool(likelihoods[one] > BEATS * single[one]) and bool(np.all(best.held_out[one] <= before[one]))
         else:
             shown = _rivals(likelihoods, single, affected)
         if shown and (alone or last):

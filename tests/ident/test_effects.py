@@ -192,12 +192,22 @@ def test_a_direct_drive_has_poles_and_no_gear(tmp_path, vs060):
     (tmp_path / "arm.urdf").write_text(vs060.urdf.read_text())
     card = f'name = "direct"\nurdf = "arm.urdf"\njoints = {list(vs060.joints)}\n[drive]\ngear_ratio = {[1.0] * 6}\n'
     (tmp_path / "robot.toml").write_text(card)
-    survey = SimpleNamespace(robot=load_robot(tmp_path / "robot.toml"))
+    survey = SimpleNamespace(robot=load_robot(tmp_path / "robot.toml"), reach=np.full(6, 2.0))
     assert GearRipple.candidates(survey, 2) == []
     (poles,) = Cogging.candidates(survey, 2)
     (repeats,) = poles.shapes
     assert repeats.lower <= 14.0 <= repeats.upper
     assert 14.0 in repeats.starts
+
+
+def test_a_ripple_is_one_if_two_of_its_waves_are_seen(vs060):
+    for effect in (GearRipple, Cogging):
+        for reach in (0.02, 0.5, 3.0):
+            survey = SimpleNamespace(robot=vs060, reach=np.full(6, reach))
+            for one in effect.candidates(survey, 2):
+                assert one.shapes[0].lower * reach >= 4.0 * np.pi - 1e-9
+    wide = SimpleNamespace(robot=vs060, reach=np.full(6, 3.0))
+    assert GearRipple.candidates(wide, 2)[0].shapes[0].lower == pytest.approx(4.0 * np.pi / 3.0)
 
 
 def test_maxwell_elements_stick_slip_and_remember(vs060):

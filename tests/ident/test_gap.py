@@ -30,6 +30,7 @@ from ident.gap.velocity_lag import velocity_lag
 from ident.identification import identify
 from ident.log import JointLog
 from ident.model_file import load_model, save_model
+from ident.start import start_of
 
 PLAIN = ("coulomb", "viscous")
 RATE, NOISE = 100.0, 0.08
@@ -299,8 +300,10 @@ def test_cut_off_is_the_one_that_predicts_best_unless_it_is_given(arm):
         return log.replace(q=np.round(log.q / 1e-3) * 1e-3)
 
     train = [counted(seed) for seed in (1, 2, 3)]
-    spectrum = identify(arm, train, effects=PLAIN).cutoff.hertz
+    spectrum = start_of(arm, train).cutoff.hertz
     chosen = baseline_model(arm, train)
+    assert identify(arm, train, effects=PLAIN).cutoff.hertz == chosen.cutoff
+    assert identify(arm, train, effects=PLAIN, cutoff=spectrum).cutoff.hertz == spectrum
     given = baseline_model(arm, train, cutoff=spectrum)
     assert given.cutoff == spectrum
     assert chosen.cutoff < spectrum

@@ -93,3 +93,30 @@ def test_a_wandering_offset_is_told_from_noise():
     walk = np.cumsum(rng.standard_normal(6000)) / 40.0
     assert wandering(noise + walk, starts, 0.01) > 0.1
     assert wandering(noise[:500], np.array([0]), 0.01) == 0.0
+
+
+def test_what_only_the_rows_held_out_tell_of_the_baseline_hides_no_effect():
+    rng = np.random.default_rng(7)
+    fold = np.arange(4000) // 1000
+    effect, noise = rng.standard_normal((2, 4000))
+    pose = np.where(fold == 3, rng.standard_normal(4000), 1e-5 * rng.standard_normal(4000))
+    problem = JointProblem(pose[:, None], 5.0 * pose + 0.5 * effect + noise, fold, np.ones(4000, dtype=bool))
+    before, after = problem.errors(), problem.errors(effect[:, None])
+    # Half of the noise's size besides: a quarter of its square.
+    np.testing.assert_allclose(before.held_out / 1000, 1.25, rtol=0.1)
+    np.testing.assert_allclose(after.held_out / 1000, 1.0, rtol=0.1)
+    left = problem.held_out(effect[:, None])
+    np.testing.assert_allclose([left[rows] @ left[rows] for rows in problem.folds], after.held_out)
+    sums = problem.sums(effect[:, None])
+    np.testing.assert_allclose([sums.held_out(k, np.array([0.5])) for k in range(4)], after.held_out, rtol=0.01)
+
+
+def test_a_fold_none_of_whose_rows_counts_is_one_still():
+    rng = np.random.default_rng(8)
+    fold = np.arange(4000) // 1000
+    column, noise = rng.standard_normal((2, 4000))
+    problem = JointProblem(np.ones((4000, 1)), column + noise, fold, fold != 2)
+    for errors in (problem.errors(), problem.errors(problem.of(column[:, None]))):
+        assert errors.held_out.shape == (4,)
+        assert errors.held_out[2] == 0.0
+        assert np.all(errors.held_out[[0, 1, 3]] > 500.0)

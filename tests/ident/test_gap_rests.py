@@ -5,10 +5,13 @@ import pytest
 
 from ident.fit import Drives, fit
 from ident.gap import baseline_model, find_gap
+from ident.gap import rests as rests_module
 from ident.gap.evidence import evidence
-from ident.gap.rests import Rests, find_rests
+from ident.gap.rests import Rests, find_rests, stands
 from ident.identification import identify
 from ident.log import JointLog
+from ident.signals import Motion
+from ident.walk import Block
 
 RATE, NOISE, DRY = 100.0, 0.08, np.array([1.5, 0.8])
 MOVE, STOP = 1.6, 0.8  # seconds
@@ -226,3 +229,31 @@ def test_further_joints_are_left_out_only_if_they_rest_and_move():
     rests = Rests(nobody, np.array([True, False]), speed, DRY, 0.1)
     assert rests.joints == ()
     assert rests.also([0, 1]).joints == (0,)
+
+
+def test_a_turn_too_quick_for_a_slow_sample_is_no_motion_either():
+    t = np.arange(400) / RATE
+    dq = np.stack([np.sin(2.0 * t + 0.013), np.sin(2.0 * t + 0.013)], axis=1)
+    log = JointLog(t=t, q=dq, current=dq)
+    block = Block(log, Motion(t, dq, dq, dq), True, np.ones(400, dtype=bool))
+    turn = int(np.argmin(np.abs(dq[100:200, 0]))) + 100
+    speed = np.array([5e-3, 0.0])
+    assert np.abs(dq[:, 0]).min() > speed[0]
+    found = stands(block, speed, 0.05)
+    assert found[turn - 4 : turn + 5, 0].all()
+    assert not found[turn + 20, 0]
+    assert not found[:, 1].any()
+
+
+def test_where_nearly_all_joints_stick_the_others_do(vs060, monkeypatch, recorded):
+    log = recorded(20.0)
+    quiet = log.replace(q=np.where(log.t[:, None] < 5.0, log.q[:1], log.q))
+    model = identify(vs060, [quiet], effects=["coulomb", "viscous"], cutoff=10.0).model
+    for hidden in ((4,), (2, 4), (1, 2, 4)):
+        monkeypatch.setattr(
+            rests_module, "_sticks", lambda panel, survey, gap, *_, hidden=hidden: gap.joint not in hidden
+        )
+        found = find_rests(model, [quiet])
+        assert found.may.sum() == 6
+        others = set(range(6)) - set(hidden)
+        assert set(found.joints) == (set(range(6)) if len(hidden) == 1 else others)

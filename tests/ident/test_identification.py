@@ -58,6 +58,15 @@ def test_effects_are_chosen_where_none_are_named(vs060, recorded):
     )
 
 
+def test_the_speed_over_which_signs_turn_is_chosen_and_is_no_friction_law(vs060, recorded):
+    found = identify(vs060, [recorded(40.0, seed=seed) for seed in (1, 2, 3)], cutoff=20.0)
+    laws = [t.effect for t in found.model.terms]
+    for j in range(6):
+        (coulomb,) = [e for e in laws if e.name == "coulomb" and e.joint == j]
+        assert 2.5e-3 < coulomb.smoothing <= 1e-2
+    assert not {"sigmoid", "cross-joint-friction"} & {e.name for e in laws}
+
+
 @pytest.mark.parametrize("gains", ["per-joint", "shared", "known"])
 def test_a_joint_that_never_moves_is_named_and_the_rest_identified(known, recorded, gains):
     log = recorded(30.0)

@@ -61,14 +61,15 @@ def test_factors_block_by_block_solve_the_dense_problem(design, log):
     assert factors.rows == len(matrix)
 
 
-def test_what_an_angle_of_six_figures_tells_apart_is_not_told(tmp_path, swinging):
+@pytest.mark.parametrize("noise", [(0.02, 0.02), (5e-4, 0.02)])
+def test_what_an_angle_of_six_figures_tells_apart_is_not_told(tmp_path, swinging, noise):
     """Two axes at a right angle, but for the rounding of 1.5708: the second link's inertia and rotor are one factor."""
     (tmp_path / "arm.urdf").write_text(CROSSED)
     (tmp_path / "robot.toml").write_text('name = "crossed"\nurdf = "arm.urdf"\ncurrent_unit = "N*m"\n')
     robot, motion = load_robot(tmp_path / "robot.toml"), swinging(n=2)
     torque = robot.rigid_body.inverse_dynamics(motion.q, motion.dq, motion.ddq, robot.multibody.parameters)
-    noise = 0.02 * np.random.default_rng(1).normal(size=torque.shape)
-    log = JointLog(motion.t, motion.q, torque + np.array([0.1, 0.2]) * motion.ddq + noise, name="log")
+    torque += np.array([0.1, 0.2]) * motion.ddq + np.array(noise) * np.random.default_rng(1).normal(size=torque.shape)
+    log = JointLog(motion.t, motion.q, torque, name="log")
     design = make(robot, Links(None), RotorInertia(0), RotorInertia(1), scale=np.ones(2))
     solution = solve(design, factorise(design, design.rows(walk(log, CUTOFF))))
     assert np.abs(solution.parameters).max() < 2.0

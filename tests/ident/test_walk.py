@@ -102,6 +102,19 @@ def test_collect_spreads_what_it_holds_over_all_logs(swinging):
     assert not begun.keep[: len(begun.keep) // 10].any()
 
 
+def test_collect_holds_segments_whole_so_that_memories_last(swinging):
+    motion = swinging(400.0)
+    long = JointLog(motion.t, motion.q, np.zeros_like(motion.q), segment=(motion.t >= 300.0).astype(int))
+    assert len(list(walk(long, CUTOFF))) > 2
+    held = collect([long], CUTOFF)
+    assert [int(b.log.segment[0]) for b in held] == [0, 1]
+    whole = derive(long[: len(held[0].log)], CUTOFF)
+    settled = held[0].keep
+    assert settled.mean() > 0.99
+    scale = np.abs(whole.ddq).max()
+    np.testing.assert_allclose(held[0].motion.ddq[settled], whole.ddq[settled], rtol=0, atol=1e-8 * scale)
+
+
 def test_thin_keeps_every_kth_row(log):
     blocks = list(walk(log, CUTOFF, 1000))
     few = thin(blocks, 500)
