@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 from scipy.ndimage import binary_dilation
 
-from ident.arrays import BoolArray
+from ident.arrays import BoolArray, FloatArray
 from ident.effects.base import Survey
 from ident.gap.abstain import explainable
 from ident.gap.constancy import inconstancy
@@ -19,6 +19,7 @@ from ident.gap.problem import JointProblem
 from ident.gap.report import Unexplained
 from ident.gap.spectrum import spectral_line
 from ident.gap.touch import row_step
+from ident.gap.unsure import BEYOND
 from ident.gap.wander import wandering
 
 ENOUGH, CERTAIN, SPOTLESS = 5.0, 8.0, 50.0
@@ -38,6 +39,9 @@ mean square must be there than elsewhere for something to happen, whatever it fo
 
 AROUND = 0.15
 """Seconds around a row in which the load changes sides that go with it: a link flies through the gap as long."""
+
+TURNS = 0.1
+"""Seconds around a row in which a joint is slow or turns that go with it: its friction jumps there."""
 
 WORTH_SAYING = 0.06
 """Share of a joint's squared residual that must be explainable for it to be called unexplained."""
@@ -69,11 +73,24 @@ def _allowed(panel: Panel, survey: Survey, gap: JointGap, named: list[Named]) ->
 
 
 def unexplained(
-    panel: Panel, survey: Survey, gap: JointGap, named: Sequence[Named], doubted: Sequence[Named]
+    panel: Panel,
+    survey: Survey,
+    gap: JointGap,
+    named: Sequence[Named],
+    doubted: Sequence[Named],
+    mistimed: FloatArray,
 ) -> list[Unexplained]:
     """What is left on a joint and could be explained by motion, or follows the clock or its own past alone.
 
     What names that are not believed explained is there, whatever it is.
+
+    Args:
+        panel: the rows.
+        survey: facts about the logs.
+        gap: the joint's rows.
+        named: its names.
+        doubted: those that are not believed.
+        mistimed: error (N,) by which its dry friction may turn too early or late, by standard deviation.
     """
     problem = gap.problem(panel, [n.trial for n in named])
     left = explainable(panel, survey, gap.joint, problem.residual, problem.keep)
@@ -86,7 +103,7 @@ def unexplained(
     line = _line(panel, problem, gap.joint)
     if line is not None:
         return [Unexplained((gap.joint,), (f"t ({line[0]:.2g} Hz)",), line[1])]
-    uneven = _uneven(panel, problem, gap.joint)
+    uneven = _uneven(panel, problem, gap.joint, mistimed[problem.keep])
     if uneven is not None:
         return [Unexplained((gap.joint,), (f"{uneven[0]} (its size)",), uneven[1])]
     past = _remembered(panel, problem)
@@ -117,17 +134,20 @@ def _line(panel: Panel, problem: JointProblem, joint: int) -> tuple[float, float
     return None
 
 
-def _uneven(panel: Panel, problem: JointProblem, joint: int) -> tuple[str, float] | None:
+def _uneven(panel: Panel, problem: JointProblem, joint: int, mistimed: FloatArray) -> tuple[str, float] | None:
     """What the size of the residual follows, and the share of its square by which it is larger there than elsewhere.
 
-    That is slow motion, or a load about to change sides, as where gears have play; None unless it is far more there.
+    That is slow motion, or a load about to change sides, as where gears have play; None unless it is far more there,
+    beyond what dry friction makes that turns too early or late.
     """
-    squares = problem.residual**2
+    squares = np.maximum(problem.residual**2 - (BEYOND * mistimed) ** 2, 0.0)
     slow = classes_of(panel, problem, joint) < MOVING
-    turns = _load_turns(panel, joint)[problem.keep]
+    load, sides = panel.seen("load")[:, joint], np.sign(panel.velocity[:, joint])
+    sides[problem.keep[slow]] = 0.0  # a side of its own
+    turns, jumps = _turns(panel, np.sign(load), AROUND)[problem.keep], _turns(panel, sides, TURNS)[problem.keep]
     everything = np.ones(len(squares), dtype=bool)
     # Where a joint's load is nought unless it moves, the load turns as the joint rests.
-    asked = ((slow, everything, SEEN, f"|dq{joint + 1}|"), (turns, ~slow, TURNS_SEEN, f"load{joint + 1}"))
+    asked = ((slow, everything, SEEN, f"|dq{joint + 1}|"), (turns, ~(slow | jumps), TURNS_SEEN, f"load{joint + 1}"))
     for rows, among, seen, signal in asked:
         there, elsewhere = squares[rows & among], squares[~rows & among]
         shown = min(len(there), len(elsewhere)) >= max(seen * len(squares), 1.0)
@@ -137,11 +157,10 @@ def _uneven(panel: Panel, problem: JointProblem, joint: int) -> tuple[str, float
     return None
 
 
-def _load_turns(panel: Panel, joint: int) -> BoolArray:
-    """Rows (N,) about which a joint's load changes its sign."""
-    around = max(1, round(AROUND / row_step(panel)))
-    sides = np.split(np.sign(panel.seen("load")[:, joint]), panel.start[1:])
-    turned = [np.diff(side, prepend=side[:1]) != 0 for side in sides]
+def _turns(panel: Panel, sides: FloatArray, seconds: float) -> BoolArray:
+    """Rows (N,) within seconds of which a sign (N,) changes."""
+    around = max(1, round(seconds / row_step(panel)))
+    turned = [np.diff(side, prepend=side[:1]) != 0 for side in np.split(sides, panel.start[1:])]
     return np.concatenate([binary_dilation(rows, iterations=around) if rows.any() else rows for rows in turned])
 
 

@@ -10,7 +10,7 @@ from ident.effects.base import Survey
 from ident.effects.friction import Coulomb
 from ident.gap.panel import Panel
 from ident.model import CurrentModel
-from ident.signals import derivative_noise
+from ident.signals import derivative_noise, derive
 from ident.walk import Block
 
 TURNED = 3.0
@@ -57,11 +57,31 @@ def unsure_rows(model: CurrentModel, panel: Panel, survey: Survey, residual: Flo
 
 def shaken(model: CurrentModel, panel: Panel, survey: Survey) -> FloatArray:
     """Error (N, n) that the velocity's noise makes of dry friction where its sign turns, by standard deviation."""
+    return panel.gather(lambda block: velocity_noise(model, block)) * _steepness(model, survey)
+
+
+def mistimed(model: CurrentModel, panel: Panel, survey: Survey) -> FloatArray:
+    """The same (N, n) with what the filter smears: where a joint starts at once it seems to start before."""
+    smeared = panel.gather(lambda block: smear(model, block)) * _steepness(model, survey)
+    turning = np.abs(panel.velocity) < TURNED * survey.smoothing
+    return np.where(turning, np.hypot(shaken(model, panel, survey), smeared), 0.0)
+
+
+def _steepness(model: CurrentModel, survey: Survey) -> FloatArray:
+    """Change (n,) of each joint's dry friction with its speed where its sign turns."""
     dry = np.zeros(model.n)
     for term in model.terms:
         if isinstance(term.effect, Coulomb):
             dry[term.effect.at] = abs(float(term.coefficients[0]))
-    return panel.gather(lambda block: velocity_noise(model, block)) * dry / survey.smoothing
+    return dry / survey.smoothing
+
+
+def smear(model: CurrentModel, block: Block) -> FloatArray:
+    """About what the filter takes of the velocities (N, n), RMS over a period: what it takes of them once more."""
+    again = derive(block.log.replace(q=block.motion.q, dq=None, ddq=None), model.cutoff).dq
+    period = max(1, round(block.log.rate / model.cutoff))
+    square = uniform_filter1d(np.nan_to_num(block.motion.dq - again) ** 2, period, axis=0, mode="nearest")
+    return np.asarray(np.sqrt(np.maximum(square, 0.0)))
 
 
 def velocity_noise(model: CurrentModel, block: Block) -> FloatArray:

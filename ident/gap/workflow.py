@@ -34,7 +34,7 @@ from ident.gap.search import Search, search
 from ident.gap.settle import alternatives, next_experiment
 from ident.gap.torque_constant import wrong_gain
 from ident.gap.touch import Touches, find_touches, undisturbed
-from ident.gap.unsure import unsure_rows
+from ident.gap.unsure import mistimed, unsure_rows
 from ident.gap.velocity_lag import velocity_lag
 from ident.gap.whole import Whole, columns_of, whole_effect
 from ident.log import JointLog, LogSource
@@ -327,6 +327,7 @@ class _Workflow:
         self.tell("settling names", 0.0)
         findings = [self.whole_finding(w) for w in causes.wholes]
         nameless: list[Unexplained] = []
+        errors = mistimed(self.model, self.panel, self.survey)
         before, after = (np.full((len(self.panel), self.model.n), np.nan) for _ in range(2))
         problems = []
         for gap, names, doubted in zip(causes.gaps, causes.named, causes.doubted, strict=True):
@@ -334,7 +335,7 @@ class _Workflow:
             problems.append(plain)
             before[plain.keep, gap.joint], after[full.keep, gap.joint] = plain.residual, full.residual
             findings += [self.joint_finding(gap, names, one, plain.errors().total) for one in names]
-            nameless += unexplained(self.panel, self.survey, gap, names, doubted)
+            nameless += unexplained(self.panel, self.survey, gap, names, doubted, errors[:, gap.joint])
         if len(self.model.terms) > self.known_before:
             # Rows fitted one joint at a time bend their links to a wrong gain: only those that all share show it.
             before = np.where(np.isnan(before), np.nan, self.left_by(self.start))
