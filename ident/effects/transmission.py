@@ -33,7 +33,7 @@ HARMONIC_REPEATS = 125.0
 LEAST_MIX = 0.2
 """Angle [rad] between a mix of two joints' motion and the joint's own below which it is the joint's own friction."""
 
-POLE_HARMONICS = 8.0
+POLE_HARMONICS = 10.0
 """Repeats a turn of the motor up to which its poles are looked for."""
 
 REMEMBERED = 5

@@ -19,8 +19,9 @@ AGREES, SLACK, HARM = 0.7, 0.05, 0.02
 that may be lacking of that, and that it may at most add."""
 
 IN_TIME = 0.4
-"""How much of that force must be there in slow and in fast motion of the joints: .06 to .14 of a delay was where joints
-creep as they turn round, .5 and more of true ones, whose slow motion is next to turns that noise shifts."""
+"""How much of what a cause of the whole robot predicts must be there in slow and in fast motion: .06 to .14 of a delay
+was where joints creep as they turn round, .5 and more of true ones, whose slow motion is next to turns that noise
+shifts."""
 
 
 def agrees(problem: JointProblem, columns: FloatArray, groups: Sequence[BoolArray]) -> bool:
@@ -64,11 +65,15 @@ class Predicted:
         return cls(problem.away(force[:, None])[:, 0], problem.residual, classes_of(panel, problem, joint))
 
 
-def agrees_at_any_pace(joints: Sequence[Predicted]) -> bool:
-    """Whether what one effect predicts is there in slow as in fast motion of the joints, by twice its standard error.
+def agrees_at_any_pace(joints: Sequence[Predicted], least: float) -> bool:
+    """Whether a share of what one effect predicts is there in slow as in fast motion, by twice its standard error.
 
     A time or a mass is the same at any speed. Friction that creeps as a joint turns round looks late as well, but in
     motion its current is on time.
+
+    Args:
+        joints: what it predicts on each.
+        least: the share.
     """
     noise = [correlation_time(left) * float(np.mean(left**2)) for left in (one.residual - one.force for one in joints)]
     for pace in (MOVING, FAST):
@@ -77,6 +82,6 @@ def agrees_at_any_pace(joints: Sequence[Predicted]) -> bool:
             weight, rows = 1.0 / max(size, 1e-300), one.pace == pace
             product += weight * float(one.residual[rows] @ one.force[rows])
             square += weight * float(one.force[rows] @ one.force[rows])
-        if product < IN_TIME * square - 2.0 * np.sqrt(square):
+        if product < least * square - 2.0 * np.sqrt(square):
             return False
     return True

@@ -11,7 +11,7 @@ from scipy.optimize import lsq_linear
 
 from ident.arrays import FloatArray
 from ident.effects.base import Effect, Survey
-from ident.gap.agreement import Predicted, agrees, agrees_at_any_pace
+from ident.gap.agreement import AGREES, Predicted, agrees, agrees_at_any_pace
 from ident.gap.candidates import Trial, admissible, best_trials, forms
 from ident.gap.gate import MOVING, Gate
 from ident.gap.joint_gap import JointGap, Named, classes_of, gate_of, nested_errors
@@ -109,7 +109,7 @@ class Beside:
         if trial.effect.family != "timing":
             return True
         force = columns @ self.problem.fit(columns)[self.problem.matrix.shape[1] :]
-        return agrees_at_any_pace([Predicted.of(panel, self.problem, self.joint, force)])
+        return agrees_at_any_pace([Predicted.of(panel, self.problem, self.joint, force)], AGREES)
 
     def _shrinks(self, panel: Panel, trial: Trial) -> bool:
         """Whether the model as it will be delivered, without nuisance, gains by the effect as well."""

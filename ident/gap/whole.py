@@ -10,7 +10,7 @@ import numpy as np
 from ident.arrays import BoolArray, FloatArray
 from ident.effects.base import Effect, Survey
 from ident.gap.abstain import explainable
-from ident.gap.agreement import Predicted, agrees_at_any_pace
+from ident.gap.agreement import IN_TIME, Predicted, agrees_at_any_pace
 from ident.gap.belief import CERTAIN
 from ident.gap.candidates import at_bound, forms, grid
 from ident.gap.climb import climb
@@ -119,9 +119,9 @@ def whole_effect(
 
 
 def _at_any_pace(panel: Panel, problems: Sequence[JointProblem], whole: Whole) -> bool:
-    return agrees_at_any_pace(
-        [Predicted.of(panel, p, j, columns_of(panel, whole, j)[p.keep]) for j, p in enumerate(problems)]
-    )
+    added = (columns_of(panel, whole, j)[p.keep] for j, p in enumerate(problems))
+    joints = [Predicted.of(panel, p, j, force) for j, (p, force) in enumerate(zip(problems, added, strict=True))]
+    return agrees_at_any_pace(joints, IN_TIME)
 
 
 def _rivals(likelihoods: FloatArray, single: FloatArray, affected: BoolArray) -> bool:

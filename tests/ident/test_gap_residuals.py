@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from ident.gap.agreement import Predicted, agrees, agrees_at_any_pace
+from ident.gap.agreement import IN_TIME, Predicted, agrees, agrees_at_any_pace
 from ident.gap.gate import Gate, surrogates
 from ident.gap.memory import remembered
 from ident.gap.problem import JointProblem
@@ -30,13 +30,19 @@ def test_what_is_late_at_rest_alone_is_no_delay():
     def there(*shares, size=1.0):
         return Predicted(size * force, size * np.array(shares)[pace] * force + noise, pace)
 
-    assert agrees_at_any_pace([there(1.0, 1.0, 1.0, 1.0)])
-    assert agrees_at_any_pace([there(1.5, 1.2, 0.9, 1.1)])
-    assert not agrees_at_any_pace([there(2.0, 1.0, 0.1, 0.1)])
-    assert not agrees_at_any_pace([there(1.2, 1.2, 1.0, 0.3)])
+    def late(joints):
+        return agrees_at_any_pace(joints, 0.7)
+
+    assert late([there(1.0, 1.0, 1.0, 1.0)])
+    assert late([there(1.5, 1.2, 0.9, 1.1)])
+    assert not late([there(2.0, 1.0, 0.1, 0.1)])
+    assert not late([there(1.2, 1.2, 1.0, 0.3)])
     # Where the rows do not tell, or a second joint shows it, it stands.
-    assert agrees_at_any_pace([there(2.0, 1.0, 0.1, 0.1, size=0.02)])
-    assert agrees_at_any_pace([there(1.0, 1.0, 0.3, 0.3, size=0.3), there(1.0, 1.0, 1.0, 1.0, size=2.0)])
+    assert late([there(2.0, 1.0, 0.1, 0.1, size=0.02)])
+    assert late([there(1.0, 1.0, 0.3, 0.3, size=0.3), there(1.0, 1.0, 1.0, 1.0, size=2.0)])
+    # Of all joints together less is asked.
+    assert agrees_at_any_pace([there(1.2, 1.2, 1.0, 0.5)], IN_TIME)
+    assert not agrees_at_any_pace([there(2.0, 1.0, 0.1, 0.1)], IN_TIME)
 
 
 def test_the_gate_calls_one_in_a_hundred_of_coloured_noises_significant():
