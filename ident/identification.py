@@ -20,6 +20,7 @@ from ident.feasible import Feasible, SolverFailure, feasible_parameters
 from ident.fit import Fit, fit
 from ident.gap.baseline import Foreseen, foreseen
 from ident.gap.rests import Rests, find_rests
+from ident.gap.smoothing import SMOOTHINGS
 from ident.log import LogSource
 from ident.model import CurrentModel
 from ident.model_file import save_model
@@ -178,7 +179,7 @@ def _seen(robot: Robot, start: Start, train: Sequence[LogSource]) -> tuple[Start
     """The start with the signs and sources of velocity and, unless it is given, the cut-off that predict best."""
     given = start.cutoff.reason == GIVEN
     found = foreseen(start.model(robot), train, not given)
-    effects = [term.effect for term in found.model.terms]
+    effects = [_turning(old, term.effect) for old, term in zip(start.effects, found.model.terms, strict=True)]
     hertz = found.model.cutoff
     cutoff = start.cutoff
     if hertz != cutoff.hertz:
@@ -187,6 +188,11 @@ def _seen(robot: Robot, start: Start, train: Sequence[LogSource]) -> tuple[Start
     # A sign that turns elsewhere than the joint's own looks like friction that holds.
     rests = find_rests(found.model, train) if found.rests.joints else found.rests
     return start, replace(found, rests=rests)
+
+
+def _turning(old: Effect, seen: Effect) -> Effect:
+    """An effect as the logs ask for, unless its sign turns more slowly than a sign may: then it is a law of its own."""
+    return old if isinstance(seen, VelocityEffect) and seen.smoothing >= SMOOTHINGS[-1] else seen
 
 
 def _named(robot: Robot, start: Start, names: Sequence[str]) -> list[Effect]:

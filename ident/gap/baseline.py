@@ -20,7 +20,8 @@ STEP = 0.7
 """What the cut-off is multiplied by, again and again, while the model predicts better with it."""
 
 WORTH = 0.05
-"""Share by which a step must lower a joint's mean squared error: short logs that repeat a motion flatter filters."""
+"""Share by which a step, or velocities from positions, must lower joints' mean squared error: short logs that repeat a
+motion flatter filters."""
 
 ROWS_KEPT = 0.95
 """Share of the rows that a lower cut-off must leave: a filter needs more of a segment, the lower it is."""
@@ -127,8 +128,9 @@ def _better(best: Smoothed, factor: float, logs: _Logs) -> Smoothed | None:
 
 
 def _best_velocities(model: CurrentModel, logs: _Logs) -> Smoothed:
-    """The model with velocities from positions or, where there are any, as logged: those may be the noisier."""
-    tried = [smoothed(replace(model, positions_only=False), logs.sources, logs.rests)]
-    if logs.logged:
-        tried.append(smoothed(replace(model, positions_only=True), logs.sources, logs.rests))
-    return min(tried, key=lambda one: one.error)
+    """The model with velocities as logged or, where it predicts that much better with them, from positions."""
+    best = smoothed(replace(model, positions_only=False), logs.sources, logs.rests)
+    if not logs.logged:
+        return best
+    other = smoothed(replace(model, positions_only=True), logs.sources, logs.rests)
+    return other if other.error <= best.error - WORTH * model.n else best

@@ -67,6 +67,14 @@ def test_the_speed_over_which_signs_turn_is_chosen_and_is_no_friction_law(vs060,
     assert not {"sigmoid", "cross-joint-friction"} & {e.name for e in laws}
 
 
+def test_a_sign_that_turns_too_slowly_is_left_to_a_law_of_its_own(vs060, recorded):
+    def slowly(motion):
+        return 5.0 * (np.tanh(motion.dq / 0.1) - np.tanh(motion.dq / 5e-3))
+
+    found = identify(vs060, [recorded(40.0, seed=s, extra=slowly) for s in (1, 2, 3)], cutoff=20.0, effects=PLAIN)
+    assert all(t.effect.smoothing < 1e-3 for t in found.model.terms if t.effect.name == "coulomb")
+
+
 @pytest.mark.parametrize("gains", ["per-joint", "shared", "known"])
 def test_a_joint_that_never_moves_is_named_and_the_rest_identified(known, recorded, gains):
     log = recorded(30.0)
