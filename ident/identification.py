@@ -27,7 +27,7 @@ from ident.model_file import save_model
 from ident.parameters import Parameter, list_parameters
 from ident.robot import Robot
 from ident.signals import CutoffChoice
-from ident.start import GIVEN, Gains, PayloadLogs, Start, start_of
+from ident.start import Gains, PayloadLogs, Start, start_of
 from ident.structure import Structure, choose_structure, coupled
 from ident.urdf_export import write_urdf
 
@@ -143,7 +143,7 @@ def _identify(
 ) -> Identification:
     tell = progress or (lambda what, share: None)
     tell("looking at the logs", 0.0)
-    start, seen = _seen(robot, start_of(robot, train, cutoff, gains, loaded), train)
+    start, seen = _seen(robot, start_of(robot, train, cutoff, gains, loaded), train, cutoff is None)
     train = [seen.model.view(source) for source in train]
     hertz, drives, rests = start.cutoff.hertz, start.drives, seen.rests
     structure: Structure | None = None
@@ -175,10 +175,9 @@ def _identify(
     )
 
 
-def _seen(robot: Robot, start: Start, train: Sequence[LogSource]) -> tuple[Start, Foreseen]:
-    """The start with the signs and sources of velocity and, unless it is given, the cut-off that predict best."""
-    given = start.cutoff.reason == GIVEN
-    found = foreseen(start.model(robot), train, not given)
+def _seen(robot: Robot, start: Start, train: Sequence[LogSource], choose: bool) -> tuple[Start, Foreseen]:
+    """The start with the signs and sources of velocity and, if it is to be chosen, the cut-off that predict best."""
+    found = foreseen(start.model(robot), train, choose)
     effects = [_turning(old, term.effect) for old, term in zip(start.effects, found.model.terms, strict=True)]
     hertz = found.model.cutoff
     cutoff = start.cutoff

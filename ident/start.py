@@ -29,9 +29,6 @@ from ident.walk import Block, collect
 
 Gains = Literal["known", "shared", "per-joint", "payload"]
 
-GIVEN = "given"
-"""Reason for a cut-off that the caller gave."""
-
 CUTOFF_ROWS = 100_000
 """Rows of each log from which the cut-off is chosen."""
 
@@ -101,7 +98,7 @@ def start_of(
     """
     if not train:
         raise InputError("no log to identify from", "--train", "give at least one log")
-    chosen = CutoffChoice(cutoff, GIVEN) if cutoff is not None else _choose_cutoff(train)
+    chosen = CutoffChoice(cutoff, "given") if cutoff is not None else _choose_cutoff(train)
     held = collect(train, chosen.hertz)
     if not any(block.keep.any() for block in held):
         where = ", ".join(source.name for source in train)

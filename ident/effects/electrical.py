@@ -136,8 +136,6 @@ class Cogging(GearRipple):
         if joint is None or survey.robot.multibody.prismatic[joint]:
             return []
         gears = most_of_gears(survey, joint)
-        fewest, most = (
-            max(gears, fewest_repeats(survey, joint)),
-            max(gears * POLE_HARMONICS / GEAR_HARMONICS, DIRECT_DRIVE),
-        )
+        fewest = max(gears, fewest_repeats(survey, joint))
+        most = max(gears * POLE_HARMONICS / GEAR_HARMONICS, DIRECT_DRIVE)
         return [cls(joint, most=most, fewest=fewest)] if most > fewest + 1.0 else []

@@ -145,10 +145,18 @@ def best_start(panel: Panel, problem: JointProblem, effect: Effect, joint: int) 
     return best
 
 
-def best_shape(panel: Panel, problem: JointProblem, effect: Effect, joint: int) -> Trial:
-    """An effect at the shape that suits a problem's rows best."""
-    best = best_start(panel, problem, effect, joint)
-    return refine(panel, problem, best, joint) if effect.shapes else best
+def best_shape(panel: Panel, problem: JointProblem, trial: Trial, joint: int) -> Trial:
+    """A trial's effect at the shape that suits a problem's rows best.
+
+    Several parameters are searched from the trial's as well, lest the search of fewer rows end on the way.
+    """
+    effect = trial.effect
+    starts = [best_start(panel, problem, effect, joint)]
+    if len(effect.shapes) > 1:
+        drop = problem.drop(admissible(panel, problem, effect, trial.shape, joint))
+        starts.append(replace(trial, drop=drop))
+    found = (refine(panel, problem, start, joint) if effect.shapes else start for start in starts)
+    return max(found, key=lambda one: one.drop)
 
 
 def with_errors(panel: Panel, problem: JointProblem, trial: Trial, joint: int) -> Trial:

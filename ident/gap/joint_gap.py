@@ -9,7 +9,7 @@ import numpy as np
 
 from ident.arrays import BoolArray, FloatArray, IntArray
 from ident.effects.base import Effect
-from ident.gap.candidates import Trial, admissible, best_shape, refine, usable
+from ident.gap.candidates import Trial, admissible, best_shape, usable
 from ident.gap.gate import Gate, speed_classes
 from ident.gap.panel import Panel
 from ident.gap.problem import JointProblem
@@ -136,18 +136,11 @@ def gate_of(panel: Panel, problem: JointProblem, joint: int) -> Gate:
 
 
 def nested_errors(panel: Panel, gap: JointGap, named: Sequence[Trial], trial: Trial) -> FloatArray:
-    """Squared residuals (folds,) of rows predicted from the others, which alone chose the effect's shape, too.
-
-    Several shape parameters are searched from the trial's as well, lest the search of fewer rows end on the way.
-    """
+    """Squared residuals (folds,) of rows predicted from the others, which alone chose the effect's shape, too."""
     problem = gap.problem(panel, named)
     held_out = np.empty(len(problem.labels))
     for k, fold in enumerate(problem.labels):
         others = gap.without(gap.fold(panel) == fold).problem(panel, named)
-        best = best_shape(panel, others, trial.effect, gap.joint)
-        if len(trial.effect.shapes) > 1:
-            drop = others.drop(admissible(panel, others, trial.effect, trial.shape, gap.joint))
-            near = refine(panel, others, replace(trial, drop=drop), gap.joint)
-            best = max(best, near, key=lambda one: one.drop)
-        held_out[k] = problem.errors(admissible(panel, problem, trial.effect, best.shape, gap.joint)).held_out[k]
+        shape = best_shape(panel, others, trial, gap.joint).shape
+        held_out[k] = problem.errors(admissible(panel, problem, trial.effect, shape, gap.joint)).held_out[k]
     return held_out

@@ -62,7 +62,7 @@ class Sums:
             x.sum(axis=0) - (0.0 if without is None else x[without])
             for x in (self.own, self.own_target, self.across, self.inside, self.target)
         )
-        own_of = self._through(own, np.column_stack([across, own_target]))
+        own_of = _solved(own, np.column_stack([across, own_target]))
         return inside - across.T @ own_of[:, :-1], target - across.T @ own_of[:, -1]
 
     def held_out(self, fold: int, coefficients: FloatArray) -> float:
@@ -70,17 +70,10 @@ class Sums:
         own, own_target, across = (
             x.sum(axis=0) - (1.0 - LEANING) * x[fold] for x in (self.own, self.own_target, self.across)
         )
-        mine = self._through(own, (own_target - across @ coefficients)[:, None])[:, 0]
+        mine = _solved(own, own_target - across @ coefficients)
         square = self.squares[fold] - 2.0 * (mine @ self.own_target[fold] + coefficients @ self.target[fold])
         square += mine @ self.own[fold] @ mine + coefficients @ self.inside[fold] @ coefficients
         return float(max(square + 2.0 * mine @ self.across[fold] @ coefficients, 0.0))
-
-    @staticmethod
-    def _through(own: FloatArray, right: FloatArray) -> FloatArray:
-        if len(own) == 0:
-            return np.zeros(right.shape)
-        ridge = RIDGE * np.diag(np.diag(own) + 1e-300)
-        return np.asarray(np.linalg.lstsq(own + ridge, right, rcond=1e-12)[0], dtype=np.float64)
 
 
 class JointProblem:
@@ -171,10 +164,7 @@ class JointProblem:
         size = sizes(extra)
         size = np.where(size > 0, size, 1.0)
         both = np.column_stack([self.matrix, extra / size])
-        normal = both.T @ both
-        normal += RIDGE * np.diag(np.diag(normal) + 1e-300)
-        found = np.asarray(np.linalg.lstsq(normal, both.T @ self.target, rcond=1e-12)[0])
-        return np.asarray(found / np.concatenate([self.norm, size]))
+        return np.asarray(_solved(both.T @ both, both.T @ self.target) / np.concatenate([self.norm, size]))
 
     def left(self, columns: FloatArray) -> FloatArray:
         """Residual (N,) with columns (N, k) fitted besides the baseline, all rows together."""
@@ -246,8 +236,8 @@ class JointProblem:
 
 
 def _solved(normal: FloatArray, right: FloatArray) -> FloatArray:
-    """Solution of normal equations in which columns may say the same."""
+    """Solution (p,) or (p, k) of normal equations in which columns may say the same."""
     if len(right) == 0:
-        return np.zeros(0)
+        return np.zeros(right.shape)
     ridge = RIDGE * np.diag(np.diag(normal) + 1e-300)
     return np.asarray(np.linalg.lstsq(normal + ridge, right, rcond=1e-12)[0])

@@ -232,20 +232,16 @@ def _told(panel: Panel, survey: Survey, gap: JointGap, rest: BoolArray, usual: f
         columns = admissible(panel, problem, trial.effect, trial.shape, gap.joint)
         return float(np.mean(problem.left(columns)[rest] ** 2))
 
-    tried = [
-        best_start(panel, problem, effect, gap.joint)
-        for effect in forms(survey, gap.joint, gap.present)
-        if effect.family in TELLING
-    ]
-    # The shortest displacement that is begun with is no shortest yet, and the best start may be a little off.
-    best = min(tried, key=rest_of, default=None)
-    for start in tried:
-        enough = rest_of(start) < least
-        if not (enough or start is best):
-            continue
-        searched = start.effect.shapes and (start is best or start.effect.family == "hysteresis")
+    effects = [effect for effect in forms(survey, gap.joint, gap.present) if effect.family in TELLING]
+    starts = [best_start(panel, problem, effect, gap.joint) for effect in effects]
+    ranked = sorted(((rest_of(start), start) for start in starts), key=lambda pair: pair[0])
+    for place, (left, start) in enumerate(ranked):
+        # The best start may be a little off, and the shortest displacement that is begun with is no shortest yet.
+        if place > 0 and left >= least:
+            break
+        searched = start.effect.shapes and (place == 0 or start.effect.family == "hysteresis")
         found = refine(panel, problem, start, gap.joint) if searched else start
-        if (enough or rest_of(found) < least) and not slipless(panel, gap, found):
+        if (left < least or rest_of(found) < least) and not slipless(panel, gap, found):
             return True
     return False
 

@@ -98,6 +98,11 @@ def held_of(model: CurrentModel, panel: Panel, joint: int) -> JointGap:
     )  # fmt: skip
 
 
+def left_by(model: CurrentModel, panel: Panel) -> FloatArray:
+    """What a model as it is leaves of all rows, (N, n)."""
+    return np.stack([held_of(model, panel, j).target for j in range(model.n)], axis=1)
+
+
 def _per_newton_metre(model: CurrentModel, panel: Panel) -> FloatArray:
     """Force units per N m: one where gains are known, else how the links' load compares with the URDF's."""
     robot = model.robot

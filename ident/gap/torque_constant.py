@@ -11,7 +11,7 @@ from ident.effects.base import Term, initial_term
 from ident.effects.electrical import DriveGain
 from ident.gap.joint_gap import JointGap
 from ident.gap.panel import Panel
-from ident.gap.rows import held_of
+from ident.gap.rows import left_by
 from ident.model import NEWTON_METRE, CurrentModel
 
 CONTRADICTS = 1.1
@@ -47,8 +47,8 @@ def wrong_gain(
 
     def contradiction(tried: CurrentModel, seen: Panel) -> FloatArray:
         """By how many times each joint's own error, in squares, that of the links that rows share is larger."""
-        left = [held_of(tried, seen, gap.joint).target[gap.keep] for gap in gaps]
-        shared = np.array([float(np.mean(rows**2)) for rows in left])
+        left = left_by(tried, seen)
+        shared = np.array([float(np.mean(left[gap.keep, gap.joint] ** 2)) for gap in gaps])
         return np.asarray(shared / np.maximum(own, 1e-300) - 1.0)
 
     before = contradiction(model, panel)

@@ -29,7 +29,7 @@ from ident.gap.panel import Panel
 from ident.gap.preflight import untestable
 from ident.gap.report import Finding, GapReport, Unexplained
 from ident.gap.rests import Rests, no_rests, rests_of, slipless
-from ident.gap.rows import gap_of, held_of, panel_of, survey_of
+from ident.gap.rows import gap_of, held_of, left_by, panel_of, survey_of
 from ident.gap.search import Search, search
 from ident.gap.settle import alternatives, next_experiment
 from ident.gap.torque_constant import wrong_gain
@@ -338,7 +338,7 @@ class _Workflow:
             nameless += unexplained(self.panel, self.survey, gap, names, doubted, errors[:, gap.joint])
         if len(self.model.terms) > self.known_before:
             # Rows fitted one joint at a time bend their links to a wrong gain: only those that all share show it.
-            before = np.where(np.isnan(before), np.nan, self.left_by(self.start))
+            before = np.where(np.isnan(before), np.nan, left_by(self.start, self.panel.seen_by(self.start)))
         if contacts:
             findings.append(_contact(contacts))
         findings.sort(key=lambda f: -f.explained)
@@ -359,11 +359,6 @@ class _Workflow:
             self.panel, self.survey, (before, after), causes.p_values, shown, self.rests.joints,
             self.warnings(),
         )  # fmt: skip
-
-    def left_by(self, model: CurrentModel) -> FloatArray:
-        """What a model as it is leaves of all rows, (N, n)."""
-        panel = self.panel.seen_by(model)
-        return np.stack([held_of(model, panel, j).target for j in range(model.n)], axis=1)
 
     def found_first(self) -> tuple[list[Finding], list[CurrentModel]]:
         """What was found before any other effect was tried, and the model with each: velocities that lag, gains."""
