@@ -32,28 +32,29 @@ def optimise_shapes(
         blocks: its rows.
         joints: whose shapes are searched.
         contexts: what effects see of each block.
-        dependent: whether only effects are searched that depend on the fitted model.
+        dependent: whether only effects are searched that depend on the fitted model, from the shapes that they have.
     """
     terms = list(design.terms)
     open_terms = [k for k, t in enumerate(terms) if t.effect.shapes and (t.effect.needs or not dependent)]
     of_joints = range(design.robot.n) if joints is None else joints
-    searches = [(j, [k for k in open_terms if terms[k].effect.acts_on == j]) for j in of_joints]
+    searches = [(j, [k for k in open_terms if terms[k].effect.joint == j]) for j in of_joints]
     searches = [(joint, searched) for joint, searched in searches if searched]
     if not searches:  # what effects see of the blocks is dear
         return design
     contexts = contexts or [design.context(block.motion) for block in blocks]
     for joint, searched in searches:
-        for k, shape in zip(searched, _search(design, blocks, contexts, joint, searched), strict=True):
+        for k, shape in zip(searched, _search(design, blocks, contexts, joint, searched, not dependent), strict=True):
             terms[k] = replace(terms[k], shape=shape)
     return replace(design, terms=tuple(terms))
 
 
 def _search(
-    design: Design, blocks: Sequence[Block], contexts: Sequence[Context], joint: int, searched: list[int]
+    design: Design, blocks: Sequence[Block], contexts: Sequence[Context], joint: int, searched: list[int], anew: bool
 ) -> list[FloatArray]:
     problem = _Projection.of(design, blocks, contexts, joint, searched)
     scale = _Scale.of([design.terms[k] for k in searched])
-    start = scale.to_search(_start(problem, np.concatenate([design.terms[k].shape for k in searched])))
+    known = np.concatenate([design.terms[k].shape for k in searched])
+    start = scale.to_search(_start(problem, known) if anew else known)
     found = least_squares(
         lambda x: problem.residual(scale.to_shape(x)),
         start,
@@ -116,6 +117,7 @@ class _Projection:
     basis: FloatArray
     target: FloatArray
     lower: FloatArray
+    joint: int
 
     @staticmethod
     def of(
@@ -131,7 +133,7 @@ class _Projection:
         terms = tuple(design.terms[k] for k in searched)
         lower = np.array([c.lower for t in terms for c in t.effect.coefficients(design.robot)])
         target = target - basis @ (basis.T @ target)
-        return _Projection(terms, contexts, keep, basis, target, lower)
+        return _Projection(terms, contexts, keep, basis, target, lower, joint)
 
     def split(self, shape: FloatArray) -> list[FloatArray]:
         return np.split(shape, np.cumsum([len(t.effect.shapes) for t in self.terms])[:-1])
@@ -139,7 +141,9 @@ class _Projection:
     def columns(self, shape: FloatArray) -> FloatArray:
         shapes = self.split(shape)
         parts = [
-            np.hstack([t.effect.columns(c, s, t.effect.start()) for t, s in zip(self.terms, shapes, strict=True)])[keep]
+            np.hstack(
+                [t.effect.row(c, s, t.effect.start(), self.joint) for t, s in zip(self.terms, shapes, strict=True)]
+            )[keep]
             for c, keep in zip(self.contexts, self.keep, strict=True)
         ]
         return self._away(np.vstack(parts))
@@ -155,7 +159,7 @@ class _Projection:
         jacobian = []
         first = 0
         for term, own in zip(self.terms, self.split(shape), strict=True):
-            parts = [term.effect.gradient(c, own)[:, keep] for c, keep in zip(self.contexts, self.keep, strict=True)]
+            parts = [self._gradient(term, c, own)[:, keep] for c, keep in zip(self.contexts, self.keep, strict=True)]
             gradient = np.concatenate(parts, axis=1)
             used = coefficients[first : first + gradient.shape[2]]
             first += gradient.shape[2]
@@ -163,6 +167,11 @@ class _Projection:
                 moved = self._away(derivative @ used)
                 jacobian.append(-(moved - basis @ (basis.T @ moved)))
         return np.stack(jacobian, axis=1)
+
+    def _gradient(self, term: Term, context: Context, shape: FloatArray) -> FloatArray:
+        """Derivative (shapes, N, k) of a term's columns in the joint's row."""
+        gradient = term.effect.gradient(context, shape)
+        return gradient[:, :, self.joint] if term.effect.acts_on is None else gradient
 
     def _away(self, columns: FloatArray) -> FloatArray:
         return columns - self.basis @ (self.basis.T @ columns)

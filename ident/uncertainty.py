@@ -73,6 +73,11 @@ class Tangent(Effect):
 
     term: Term
 
+    @property
+    def acts_on(self) -> int | None:
+        """The rows that the term acts on."""
+        return self.term.effect.acts_on
+
     def coefficients(self, robot: Robot) -> tuple[Coefficient, ...]:
         """Return one coefficient a shape parameter."""
         return tuple(Coefficient(shape.name, shape.unit) for shape in self.term.effect.shapes)

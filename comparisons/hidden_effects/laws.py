@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import NamedTuple
@@ -11,6 +12,7 @@ from scipy.interpolate import CubicSpline
 from scipy.signal import lfilter
 
 from ident.arrays import FloatArray
+from ident.compiled import compiled
 from ident.rigid_body import RigidBody
 
 
@@ -172,6 +174,8 @@ def _(s: Scene, j: int, a: float, rng: np.random.Generator) -> tuple[FloatArray,
 
 @law("backlash")
 def _(s: Scene, j: int, a: float, rng: np.random.Generator) -> tuple[FloatArray, dict[str, float]]:
+    if rng.random() < 0.5:
+        return _knocks(s, j, a, rng)
     # The link stays behind until the motor has crossed the gap; a share of its load is missing until then.
     gap = rng.uniform(5e-4, 3e-3)
     link, position = np.empty(len(s.q)), s.q[0, j]
@@ -182,6 +186,55 @@ def _(s: Scene, j: int, a: float, rng: np.random.Generator) -> tuple[FloatArray,
         link[k] = position
     engaged = np.clip(10.0 * np.abs(s.q[:, j] - link) / (0.5 * gap) - 9.0, 0.0, 1.0)
     return on(s, j, -a * s.torque[:, j] * (1.0 - engaged)), {"gap": gap}
+
+
+PLAY = 0.02
+"""Play [rad] at most, of a worn joint."""
+
+FINE = 2e-4
+"""Step [s] at which the motion of a link in its play is integrated."""
+
+
+def _knocks(s: Scene, j: int, a: float, rng: np.random.Generator) -> tuple[FloatArray, dict[str, float]]:
+    """Play whose link flies through and knocks: flanks that stiffen and lose energy as Hunt and Crossley's (1975)."""
+    gap, hertz, loss = min(1e-3 * a, PLAY), rng.uniform(12.0, 40.0), rng.uniform(0.5, 4.0)
+    inertia = s.body.mass_matrix(s.q, s.parameters)[:, :, j]
+    usual = float(np.median(np.abs(s.torque[:, j])))
+    # Under the usual load the flanks are as stiff as a spring of that frequency.
+    stiff = float(np.mean(inertia[:, j])) * (2.0 * np.pi * hertz) ** 2
+    starts = [*np.flatnonzero(s.start).tolist(), len(s.t)]
+    force = np.zeros_like(s.q)
+    for first, end in itertools.pairwise(starts):
+        t, load = s.t[first:end], s.torque[first:end, j]
+        fine = np.arange(t[0], t[-1], FINE)
+        carried = _carried(
+            CubicSpline(t, load)(fine), np.interp(fine, t, inertia[first:end, j]), 0.5 * gap, stiff, usual, loss, FINE
+        )
+        # Drives report the mean of a sampling period.
+        edges = np.concatenate([[0], np.clip(np.round((t - t[0]) / FINE).astype(int), 1, len(fine))])
+        sums = np.concatenate([[0.0], np.cumsum(carried)])
+        mean = np.diff(sums[edges]) / np.maximum(np.diff(edges), 1)
+        mean[0] = load[0]
+        force[first:end] = inertia[first:end] / inertia[first:end, j : j + 1] * (mean - load)[:, None]
+    return force, {"gap": gap}
+
+
+@compiled
+def _carried(
+    load: FloatArray, inertia: FloatArray, half: float, stiff: float, usual: float, loss: float, step: float
+) -> FloatArray:
+    """Torque through the flanks where a link flies between them."""
+    out = np.empty(len(load))
+    # A force of stiff wound at the usual load, and with the power of 3/2.
+    hard = usual / max(usual / stiff, 1e-9) ** 1.5
+    place, speed = (half + (abs(load[0]) / hard) ** (2.0 / 3.0)) * (1.0 if load[0] >= 0.0 else -1.0), 0.0
+    for k in range(len(load)):
+        side = 1.0 if place > 0.0 else -1.0
+        wound = max(side * place - half, 0.0)
+        out[k] = side * max(hard * wound**1.5 * (1.0 + loss * side * speed), 0.0)
+        speed += (load[k] - out[k]) / inertia[k] * step
+        place += speed * step
+    return out
 
 
 @law("cross-joint-friction")

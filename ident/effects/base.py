@@ -100,6 +100,11 @@ class Context:
         """Joint torque regressor (N, n, 10 n) of the links, computed once for all effects that need it."""
         return self.robot.rigid_body.regressor(self.motion.q, self.motion.dq, self.motion.ddq)
 
+    @cached_property
+    def inertia(self) -> FloatArray:
+        """Inertia matrix (N, n, n) of the links, row j by those that row j uses; computed once."""
+        return self.robot.rigid_body.mass_matrix(self.motion.q, self.needed("links", "inertia"))
+
 
 @dataclass(frozen=True)
 class Survey:

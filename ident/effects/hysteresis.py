@@ -114,47 +114,67 @@ class CrossJointHysteresis(Effect):
 
 @dataclass(frozen=True)
 class Backlash(Effect):
-    """Play between motor and link: after a reversal the motor crosses the gap without the link's load.
+    """Play between motor and link: while the motor crosses the gap it goes without the link's load.
 
-    The position of the motor inside the gap is a play operator on the joint's position (Nordin and Gutman 2002).
+    Either friction holds the link, and the motor's place in the gap is a play operator on the joint's position (Nordin
+    and Gutman 2002). Or the link flies from one flank to the other once its load changes sides, and knocks: two masses
+    with a dead zone between them (their section 2.1), which all rows feel.
 
     Attributes:
-        falls: whether, at rest, the load presses the link against one flank; friction may hold it instead.
+        falls: whether a link that is held is pressed against one flank by its load at rest.
+        flies: whether the link flies through the gap, or friction holds it.
     """
 
     falls: bool = True
+    flies: bool = False
 
     name = "backlash"
     family = "hysteresis"
-    needs = ("load",)
+    needs = ("load", "links")
     rivals = ("maxwell-slip", "elasticity")
     excitation = "reversals under load, and changes of the load's sign"
 
     @classmethod
     def candidates(cls, survey: Survey, joint: int | None) -> list[Effect]:
-        """Try it with a link that falls at rest, and with one that stays."""
-        return [] if joint is None else [cls(joint, falls) for falls in (True, False)]
+        """Try a link that is held and, as a cause of the whole robot that one joint has, one that flies."""
+        if joint is None:
+            return [cls(k, flies=True) for k in range(survey.robot.n)]
+        return [cls(joint, falls) for falls in (True, False)]
+
+    @property
+    def acts_on(self) -> int | None:
+        """All rows where the link flies, or the joint's own."""
+        return None if self.flies else self.joint
 
     @property
     def shapes(self) -> tuple[Shape, ...]:
-        """Return the gap."""
-        return (Shape("gap", "{angle}", 2e-5, 2e-2, (1e-3, 2e-4, 4e-3)),)
+        """Return the gap and, of a link that flies, the frequency and damping ratio with which it rings on a flank."""
+        if not self.flies:
+            return (Shape("gap", "{angle}", 2e-5, 2e-2, (1e-3, 2e-4, 4e-3)),)
+        gap = Shape("gap", "{angle}", 1e-4, 5e-2, tuple(np.geomspace(3e-4, 3e-2, 13).tolist()))
+        hertz = Shape("hertz", "Hz", 5.0, 100.0, (14.0, 28.0), ends=(True, False))
+        return (gap, hertz, Shape("damping", "1", 0.02, 2.0, (0.3,), ends=(False, False)))
 
     def coefficients(self, robot: Robot) -> tuple[Coefficient, ...]:
-        """Return the share of the load that is missing inside the gap."""
-        return (Coefficient("share", "1", lower=0.0),)
+        """Return the share of the load that is missing inside the gap; a link that flies carries none."""
+        return (Coefficient("share", "1", lower=0.5 if self.flies else 0.0),)
 
     def start(self) -> FloatArray:
-        """Return the motor's place in the gap and the last position, not known before the first sample."""
-        return np.array([0.0, np.nan])
+        """Return place in the gap and last position, or place, speed, last pull and time; not known at first."""
+        return np.array([0.0, 0.0, 0.0, np.nan]) if self.flies else np.array([0.0, np.nan])
 
     def columns(self, context: Context, shape: FloatArray, memory: FloatArray) -> FloatArray:
-        """Return minus the load where the motor is inside the gap."""
-        load, q, dq = (
-            np.ascontiguousarray(x[:, self.at])
-            for x in (context.needed("load", self.name), context.motion.q, context.motion.dq)
-        )
-        return (-load * _inside(q, dq, load, 0.5 * float(shape[0]), self.falls, memory))[:, None]
+        """Return minus the load inside the gap or, of a link that flies, minus what its acceleration is short of."""
+        load, motion = context.needed("load", self.name), context.motion
+        half, joint = 0.5 * float(shape[0]), self.at
+        if self.flies:
+            inertia = context.inertia[:, :, joint]
+            own = inertia[:, joint]  # of fitted links, which may be none that exist
+            pull = np.where(own > 0.0, load[:, joint] / np.where(own > 0.0, own, 1.0), 0.0)
+            ahead = _ahead(np.ascontiguousarray(motion.t), pull, half, float(shape[1]), float(shape[2]), memory)
+            return np.asarray(-inertia * ahead[:, None])[:, :, None]
+        own, q, dq = (np.ascontiguousarray(x[:, joint]) for x in (load, motion.q, motion.dq))
+        return (-own * _inside(q, dq, own, half, self.falls, memory))[:, None]
 
 
 ENGAGES = 8
@@ -179,6 +199,38 @@ def _inside(
         last = q[k]
         out[k] = 1.0 - (place / half) ** ENGAGES
     memory[0], memory[1] = place, last
+    return out
+
+
+FINE = 4.0
+"""Steps in which a radian of that ringing is integrated."""
+
+
+@compiled
+def _ahead(
+    t: FloatArray, pull: FloatArray, half: float, hertz: float, damping: float, memory: FloatArray
+) -> FloatArray:
+    """Acceleration of the motor ahead of a link that is left behind by ``pull``, its load over its inertia.
+
+    Flanks are springs with dampers that push and do not pull; inside the gap the link is free.
+    """
+    out, turn = np.zeros(len(t)), 2.0 * np.pi * hertz
+    ahead, speed, before, last = memory[0], memory[1], memory[2], memory[3]
+    for k in range(len(t)):
+        if np.isnan(last):
+            ahead = (half + abs(pull[k]) / turn**2) * (1.0 if pull[k] >= 0.0 else -1.0)
+        else:
+            steps = int(np.ceil((t[k] - last) * turn * FINE))
+            step, first = (t[k] - last) / steps, speed
+            for i in range(steps):
+                wound = ahead - min(max(ahead, -half), half)
+                push = turn * (turn * wound + 2.0 * damping * speed)
+                carried = push if push * wound > 0.0 else 0.0
+                speed += (before + (pull[k] - before) * (i + 0.5) / steps - carried) * step
+                ahead += speed * step
+            out[k] = (speed - first) / (t[k] - last)
+        before, last = pull[k], t[k]
+    memory[0], memory[1], memory[2], memory[3] = ahead, speed, before, last
     return out
 
 

@@ -135,7 +135,8 @@ def _unfollowed(truth: Trial, rival: Trial, besides: Sequence[Trial], joined: Jo
         columns = admissible(panel, problem, rival.effect, now.shape, gap.joint)
     left = problem.left(columns)
     explained = float(problem.residual @ problem.residual)
-    on_motion = float(np.sqrt(np.mean(left[-joined.added :] ** 2)))
+    there = problem.keep >= len(panel) - joined.added
+    on_motion = float(np.sqrt(np.mean(left[there] ** 2))) if there.any() else 0.0
     return _Difference(on_motion, float(left @ left) / max(explained, 1e-300))
 
 

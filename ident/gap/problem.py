@@ -134,13 +134,12 @@ class JointProblem:
         return left
 
     def admissible(self, columns: FloatArray, lower: FloatArray) -> BoolArray:
-        """Which (k,) of columns (N, k) have coefficients that keep to their lower bounds (k,) of nought or -inf."""
+        """Which (k,) of columns (N, k) have coefficients that keep to their lower bounds (k,)."""
         used = np.ones(columns.shape[1], dtype=bool)
-        bounded = np.isfinite(lower)
-        while (used & bounded).any():
+        while (used & np.isfinite(lower)).any():
             found = np.zeros(len(used))
             found[used] = self.fit(columns[:, used])[self.matrix.shape[1] :]
-            wrong = used & bounded & (found < 0.0)
+            wrong = used & (found < lower)
             if not wrong.any():
                 break
             used[int(np.argmin(np.where(wrong, found * sizes(columns), np.inf)))] = False
@@ -165,6 +164,13 @@ class JointProblem:
         size = np.where(size > 0, size, 1.0)
         both = np.column_stack([self.matrix, extra / size])
         return np.asarray(_solved(both.T @ both, both.T @ self.target) / np.concatenate([self.norm, size]))
+
+    def drops(self, columns: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Fall (k,) of the squared residual with each of columns (N, k) fitted alone, and its coefficient (k,)."""
+        own = self.away(columns)
+        square = np.maximum(np.sum(own**2, axis=0), 1e-14 * np.maximum(np.sum(columns**2, axis=0), 1e-300))
+        coefficients = self.residual @ own / square
+        return coefficients**2 * square, coefficients
 
     def left(self, columns: FloatArray) -> FloatArray:
         """Residual (N,) with columns (N, k) fitted besides the baseline, all rows together."""

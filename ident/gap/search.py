@@ -123,9 +123,12 @@ class Beside:
         return self._helps(held_out) and gain(self.before.total, float(held_out.sum())) > GAIN
 
     def _helps(self, held_out: FloatArray) -> bool:
-        """Whether squared residuals (folds,) fall, or rise next to nothing where an effect hardly shows."""
-        fall = self.before.held_out - held_out
-        return bool(-fall[fall < 0.0].sum() <= WORSE * fall.sum())
+        return falls(self.before.held_out - held_out)
+
+
+def falls(by: FloatArray) -> bool:
+    """Whether what is left falls in every fold, by (folds,), or rises next to nothing where an effect hardly shows."""
+    return bool(-by[by < 0.0].sum() <= WORSE * by.sum())
 
 
 @dataclass(frozen=True, eq=False)

@@ -40,7 +40,7 @@ def unsure_rows(model: CurrentModel, panel: Panel, survey: Survey, residual: Flo
         survey: facts about the logs.
         residual: what the baseline leaves in the rows, (N, n), in force units.
     """
-    slow = np.abs(panel.velocity) < TURNED * survey.smoothing
+    slow = turning(panel, survey)
     found = np.zeros(slow.shape, dtype=bool)
     noise = shaken(model, panel, survey)
     for j in range(model.n):
@@ -55,6 +55,11 @@ def unsure_rows(model: CurrentModel, panel: Panel, survey: Survey, residual: Flo
     return found
 
 
+def turning(panel: Panel, survey: Survey) -> BoolArray:
+    """Rows (N, n) in which the sign of a joint's velocity turns, or that are at rest."""
+    return np.asarray(np.abs(panel.velocity) < TURNED * survey.smoothing)
+
+
 def shaken(model: CurrentModel, panel: Panel, survey: Survey) -> FloatArray:
     """Error (N, n) that the velocity's noise makes of dry friction where its sign turns, by standard deviation."""
     return panel.gather(lambda block: velocity_noise(model, block)) * _steepness(model, survey)
@@ -63,8 +68,7 @@ def shaken(model: CurrentModel, panel: Panel, survey: Survey) -> FloatArray:
 def mistimed(model: CurrentModel, panel: Panel, survey: Survey) -> FloatArray:
     """The same (N, n) with what the filter smears: where a joint starts at once it seems to start before."""
     smeared = panel.gather(lambda block: smear(model, block)) * _steepness(model, survey)
-    turning = np.abs(panel.velocity) < TURNED * survey.smoothing
-    return np.where(turning, np.hypot(shaken(model, panel, survey), smeared), 0.0)
+    return np.where(turning(panel, survey), np.hypot(shaken(model, panel, survey), smeared), 0.0)
 
 
 def _steepness(model: CurrentModel, survey: Survey) -> FloatArray:

@@ -12,11 +12,11 @@ from ident.effects.base import Effect, Survey
 from ident.gap.abstain import explainable
 from ident.gap.agreement import IN_TIME, Predicted, agrees_at_any_pace
 from ident.gap.belief import CERTAIN
-from ident.gap.candidates import at_bound, forms, grid
+from ident.gap.candidates import Trial, at_bound, forms, grid, refine
 from ident.gap.climb import climb
 from ident.gap.panel import Panel
 from ident.gap.problem import JointProblem, gain
-from ident.gap.search import GAIN, LEVEL, RIVAL_LAW, Search
+from ident.gap.search import GAIN, LEVEL, RIVAL_LAW, Search, falls
 from ident.gap.settle import LAW
 
 SHARE = 0.85
@@ -33,6 +33,12 @@ BEATS = 1.25
 
 TINY = 1e-300
 """In place of a nought that is divided by, such as the squared residual of a joint without rows that count."""
+
+SHOWS = 0.02
+"""Share of its own joint's squared residual that what one joint has must explain to be searched for in all rows."""
+
+STARTS = 4
+"""Best starts from which what one joint has is searched for in its own row."""
 
 VISIBLE = 1e-6
 """Share of an effect's square that the baseline must leave."""
@@ -96,7 +102,7 @@ def whole_effect(
         gains = _gains(squares, after)
         helped = np.flatnonzero(gains > GAIN)
         # In every fold the joints together must gain: where some move little, others bear it out.
-        repeats = np.log(np.maximum(before, TINY) / np.maximum(best.held_out, TINY)).sum(axis=0).min() > 0.0
+        repeats = falls(np.log(np.maximum(before, TINY) / np.maximum(best.held_out, TINY)).sum(axis=0))
         if len(helped) == 0 or gains.min() < -GAIN or not repeats:
             continue
         likelihoods = _likelihoods(problems, squares, after)
@@ -110,7 +116,7 @@ def whole_effect(
             shown = _rivals(likelihoods, single, affected)
         if shown and (alone or last):
             shown = all(_exhausts(panel, survey, problems[j], best, j) for j in helped.tolist())
-        if not shown or not _at_any_pace(panel, problems, best):
+        if not shown or not (best.effect.family == "hysteresis" or _at_any_pace(panel, problems, best)):
             continue
         p_value = _p_value(panel, best, searches)
         if p_value <= LEVEL:
@@ -190,13 +196,27 @@ def _try(panel: Panel, problems: Sequence[JointProblem], effect: Effect, before:
         return at(climb(likelihood, effect.shapes, best.shape, best.likelihood)[0], lawful)
 
     starts = list(grid(effect.shapes))
+    if effect.joint is not None and effect.shapes:
+        starts = _shown_by_its_own(panel, problems[effect.joint], effect, effect.joint)
     best = searched(starts, lawful=False)
-    if best is None or best.likelihood <= 0.0:
-        return best
+    if best is None or best.likelihood <= 0.0 or (effect.joint is not None and at_bound(effect, best.shape)):
+        return None
     any_is_its = all(effect.plain(shape) is None for shape in starts)
     law = best if any_is_its else searched([*starts, best.shape], lawful=True)
     assert law is not None
     return replace(best, standing=law.likelihood * (1.0 - RIVAL_LAW if at_bound(effect, law.shape) else 1.0))
+
+
+def _shown_by_its_own(panel: Panel, problem: JointProblem, effect: Effect, joint: int) -> list[FloatArray]:
+    """Shapes from which what one joint has, of one coefficient, is searched for in all rows; its own show it first."""
+    shapes = list(grid(effect.shapes))
+    drops, found = problem.drops(np.hstack([problem.of(panel.columns(effect, shape, joint)) for shape in shapes]))
+    drops[found <= 0.0] = 0.0
+    best = np.argsort(-drops)[:STARTS]
+    if drops[best[0]] < SHOWS * float(np.sum(problem.residual**2)):
+        return []
+    tried = (Trial(effect, shapes[k], float(drops[k])) for k in best)
+    return [refine(panel, problem, one, joint).shape for one in tried]
 
 
 def _likelihoods(problems: Sequence[JointProblem], before: FloatArray, after: FloatArray) -> FloatArray:

@@ -34,7 +34,7 @@ from ident.gap.search import Search, search
 from ident.gap.settle import alternatives, next_experiment
 from ident.gap.torque_constant import wrong_gain
 from ident.gap.touch import Touches, find_touches, undisturbed
-from ident.gap.unsure import mistimed, unsure_rows
+from ident.gap.unsure import mistimed, turning, unsure_rows
 from ident.gap.velocity_lag import velocity_lag
 from ident.gap.whole import Whole, columns_of, whole_effect
 from ident.log import JointLog, LogSource
@@ -433,9 +433,14 @@ class _Workflow:
         if other is None or not self.motions:
             return None
         left = gap.problem(self.panel, [*besides, one]).residual
-        joined = {
-            name: Joined(panel, self.gap(panel, gap.joint), added) for name, (panel, added) in self.joined.items()
-        }
+        turns = turning(self.panel, self.survey)[:, gap.joint]
+        noisy = bool(turns.any()) and gap.keep[turns].mean() < 0.5
+        joined = {}
+        for name, (panel, added) in self.joined.items():
+            own = self.gap(panel, gap.joint)
+            # Where these logs' rests and reversals tell nothing, the motion's would not either.
+            hidden = turning(panel, self.survey)[:, gap.joint] & noisy
+            joined[name] = Joined(panel, own.without(hidden), added)
         return separating(Question(one, other, tuple(besides), float(np.sqrt(np.mean(left**2)))), joined)
 
     @cached_property

@@ -20,9 +20,12 @@ from comparisons.hidden_effects.suites import SUITES, Sizes, Task, tasks
 from comparisons.hidden_effects.work import WORKFLOW, judged, work
 from ident.effects import load_catalogue
 from ident.effects.base import Context, Survey
+from ident.effects.hysteresis import Backlash
 from ident.errors import InputError
+from ident.gap import baseline_model, find_gap
 from ident.gap.candidates import grid
 from ident.gap.problem import JointProblem
+from ident.model_file import load_model, save_model
 from ident.signals import Motion
 
 STRIBECK = Secret("stribeck", (1,), 1.0, {"force": 2.0, "speed": 0.04})
@@ -163,7 +166,7 @@ def test_laws_are_not_in_the_span_of_the_catalogues_columns(name, rows):
     survey = Survey(maker.robot, np.full(n, 2e-3), np.abs(scene.dq).mean(0), maker.coulomb, np.zeros(n),
                     np.abs(scene.known).max(0),
                     np.ones(n), 0.0, 100.0, np.ptp(scene.q, axis=0), maker.coulomb)  # fmt: skip
-    effects = kind.candidates(survey, joint) or kind.candidates(survey, None)
+    effects = [*kind.candidates(survey, joint), *kind.candidates(survey, None)]
     assert effects
     for effect in effects:
         for shape in list(grid(effect.shapes))[:12]:
@@ -185,6 +188,22 @@ def test_hidden_effects_have_the_severity_asked_for(name, severity):
     forces = [maker.effect(case.hidden[0], s, strength)[0] for s in scenes]
     joints = range(maker.robot.n) if joint is None else [joint]
     assert max(maker.unmodelled(scenes, forces, j) / noise[j] for j in joints) == pytest.approx(severity, rel=0.03)
+
+
+def test_play_whose_link_flies_and_knocks_is_named(tmp_path):
+    made = make(Case("vs060", (Hidden("backlash", 2, 2.0),), 1, style="short"))
+    found = find_gap(baseline_model(made.robot, made.train), made.train, made.test)
+    (play,) = found.findings
+    assert (play.effect, play.joints) == ("backlash", (2,))
+    assert play.terms[0].effect == Backlash(2, flies=True)
+    assert play.parameters["gap"] == pytest.approx(made.parameters[0]["gap"], rel=0.2)
+    assert found.evidence is not None
+    assert np.all(
+        found.evidence.after[1:3] < 0.8 * found.evidence.before[1:3]
+    )  # the joint that carries it feels it, too
+    save_model(found.model, tmp_path)
+    (test,) = made.test
+    np.testing.assert_allclose(load_model(tmp_path, made.robot).predict(test), found.model.predict(test), atol=1e-9)
 
 
 def test_same_seed_same_logs():

@@ -5,6 +5,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from scipy.integrate import solve_ivp
 from scipy.interpolate import CubicSpline
 
 from ident.effects import load_catalogue
@@ -84,7 +85,9 @@ def test_gradients_are_central_differences(context, name, start):
         assert smooth.mean() > (0.99 if effect.family == "hysteresis" else 0.9999)
 
 
-@pytest.mark.parametrize("effect", [*map(acting, sorted(CATALOGUE)), Elasticity(1, everywhere=True)])
+@pytest.mark.parametrize(
+    "effect", [*map(acting, sorted(CATALOGUE)), Elasticity(1, everywhere=True), Backlash(1, flies=True)]
+)
 @pytest.mark.parametrize("size", [1, 7, 150])
 def test_memory_makes_blocks_as_good_as_the_whole(context, effect, size):
     shape = initial_term(effect).shape
@@ -323,6 +326,53 @@ def test_a_link_that_stays_is_not_pressed_against_a_flank_at_rest(vs060):
     missing = [-e.columns(context, np.array([2e-3]), e.start())[:, 0] for e in (stays, falls)]
     np.testing.assert_allclose(missing[0], [1.0, 0.0, 1.0, 1.0, 1.0, 0.0], atol=1e-6)
     np.testing.assert_allclose(missing[1], [0.0, 0.0, 1.0, 0.0, 0.0, 0.0], atol=1e-6)
+
+
+def test_a_link_that_flies_is_two_masses_with_a_dead_zone_between(vs060):
+    t, joint, gap, hertz, damping = np.arange(400) * 0.002, 2, 4e-3, 20.0, 0.25
+    speed = 2.0 * np.pi * np.linspace(0.9, 1.7, 6)
+    phase = speed * t[:, None] + np.arange(6)
+    motion = Motion(t, np.sin(phase), speed * np.cos(phase), -(speed**2) * np.sin(phase))
+    links = np.tile(vs060.multibody.parameters, (6, 1))
+    load = vs060.rigid_body.inverse_dynamics(motion.q, motion.dq, motion.ddq, links)
+    inertia = vs060.rigid_body.mass_matrix(motion.q, vs060.multibody.parameters)
+    # The link's own equation of motion, behind a motor that moves as it does.
+    needs = CubicSpline(t, load[:, joint] / inertia[:, joint, joint])
+    turn = 2.0 * np.pi * hertz
+
+    def carried(behind: float, slower: float) -> float:
+        wound = behind - np.clip(behind, -0.5 * gap, 0.5 * gap)
+        push = turn**2 * wound + 2.0 * damping * turn * slower
+        return push if push * wound > 0.0 else 0.0
+
+    first = float(needs(0.0))
+    start = [(0.5 * gap + abs(first) / turn**2) * np.sign(first), 0.0]
+    found = solve_ivp(
+        lambda time, x: [x[1], float(needs(time)) - carried(*x)],
+        (0.0, t[-1]),
+        start,
+        t_eval=t,
+        max_step=2e-4,
+        rtol=1e-8,
+    )
+    effect = Backlash(joint, flies=True)
+    columns = effect.columns(Context(vs060, motion, load, links), np.array([gap, hertz, damping]), effect.start())
+    assert effect.acts_on is None
+    # Between samples, as the columns are.
+    true = -inertia[1:, :, joint] * (np.diff(found.y[1]) / 0.002)[:, None]
+    for j in (1, 2, 4):
+        assert np.std(columns[1:, j, 0] - true[:, j]) < 0.08 * np.std(true[:, j])
+    # While it flies the motor carries none of it, which happens as often as its load changes sides.
+    free = np.abs(columns[:, joint, 0] + load[:, joint]) < 0.02 * np.abs(load[:, joint]).max()
+    assert 5 < free.sum() < 200
+
+
+def test_links_of_no_inertia_leave_nothing_that_flies(vs060):
+    rng = np.random.default_rng(0)
+    motion = Motion(np.arange(50) * 0.01, *rng.standard_normal((3, 50, 6)))
+    context = Context(vs060, motion, rng.standard_normal((50, 6)), np.zeros((6, 60)))
+    effect = Backlash(2, flies=True)
+    assert not effect.columns(context, initial_term(effect).shape, effect.start()).any()
 
 
 def test_a_mix_of_two_joints_is_no_friction_of_one(vs060):

@@ -462,6 +462,9 @@ def test_the_next_experiment_is_the_motion_on_which_two_names_differ(arm):
     alone = separating(Question(sigmoid, power, (), NOISE), {"slow": motions["slow"]})
     assert found.motion == "fast"  # a power of speed grows on, a sigmoid does not
     assert found.ratio > 1.2 * alone.ratio
+    rows = np.arange(len(motions["fast"].panel)) >= len(motions["fast"].panel) - motions["fast"].added
+    unseen = replace(motions["fast"], gap=motions["fast"].gap.without(rows))
+    assert separating(Question(sigmoid, power, (), NOISE), {"fast": unseen}).ratio == 0.0
     same = separating(Question(sigmoid, sigmoid, (), NOISE), motions)
     assert same.ratio < 1e-3
     assert not same.settles

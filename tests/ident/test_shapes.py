@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from ident.design import Design
-from ident.effects.base import initial_term
+from ident.effects.base import Context, Term, initial_term
 from ident.effects.electrical import CurrentOffset
 from ident.effects.friction import Coulomb, Sigmoid, Stribeck, Viscous, ViscousNonlinear
-from ident.effects.hysteresis import MaxwellSlip
+from ident.effects.hysteresis import Backlash, MaxwellSlip
 from ident.effects.transmission import CrossJointFriction, GearRipple
 from ident.log import JointLog
 from ident.shapes import _Projection, optimise_shapes, orthonormal
@@ -52,6 +52,18 @@ def test_known_shapes_come_back(vs060, motion, effects, shapes, coefficients, sh
     np.testing.assert_allclose(found, shapes[shaped], rtol=0.05)
     exact, blocks = problem(vs060, motion, effects, shapes, coefficients)
     np.testing.assert_allclose(optimise_shapes(exact, blocks).terms[shaped].shape, shapes[shaped], rtol=1e-3)
+
+
+def test_what_all_rows_feel_of_one_joint_is_searched_in_its_own(vs060, motion):
+    links = np.tile(vs060.multibody.parameters, (6, 1))
+    load = vs060.rigid_body.inverse_dynamics(motion.q, motion.dq, motion.ddq, links)
+    context, joint, shape = Context(vs060, motion, load, links), 2, np.array([3e-3, 20.0, 0.2])
+    play = Backlash(joint, flies=True)
+    current = play.current(context, shape, np.ones(1), play.start())
+    design = Design(vs060, (Term(play, np.array([3.3e-3, 17.0, 0.3])),), np.ones(6), known=lambda _: context)
+    block = Block(JointLog(motion.t, motion.q, current), motion, True, np.ones(len(motion), dtype=bool))
+    found = optimise_shapes(design, [block], dependent=True).terms[0].shape
+    np.testing.assert_allclose(found, shape, rtol=1e-3)
 
 
 def test_two_shapes_of_one_joint_are_searched_together(vs060, motion):
