@@ -34,8 +34,9 @@ PARSIMONY = 0.004
 LAW, RIVAL_LAW = 0.03, 0.15
 """No law is exact: another effect must explain more than this share of what one named before did, a rival more."""
 
-OWN, BEYOND = 0.03, 1.5
-"""Share by which a model's own friction may be wrong; how many times what that explains an effect must."""
+OWN, BEYOND = 0.03, 0.5
+"""Share by which a model's own friction may be wrong; share of what that explains, or leaves if that is less, that an
+effect must explain besides."""
 
 PLAIN = 0.85
 """Share of what an effect explains that one of its limits must, to be named first."""
@@ -149,6 +150,11 @@ class Search(Beside):
         return min((t.errors.total for t in self.trials if t.errors is not None), default=self.before.total)
 
     @cached_property
+    def starts(self) -> dict[Effect, list[FloatArray]]:
+        """Shapes from which causes of the whole robot that this joint has are searched for, told from its own row."""
+        return {}
+
+    @cached_property
     def tolerated(self) -> float:
         """Squared residual that small errors of the model's own friction explain."""
         if self.gap.friction is None:
@@ -156,14 +162,18 @@ class Search(Beside):
         columns, left = self.problem.away(self.problem.of(self.gap.friction)), self.problem.residual
         return float(left @ left - 2.0 * lsq_linear(columns, left, bounds=(-OWN, OWN)).cost)
 
+    def least(self, effect: Effect) -> float:
+        """Squared residual that an effect must explain to be more than errors of what is known and named."""
+        rest = float(np.sum(self.problem.residual**2)) - self.tolerated
+        return max(law_error(effect, self.named), self.tolerated + BEYOND * min(self.tolerated, rest))
+
     def winner(self, panel: Panel, certain: bool = True) -> Named | None:
         """The best candidate that passes the gate, if there is one; all joints of the robot share the level.
 
         Unless it must be ``certain``, it need not hold everywhere: what it lacks, other causes may bring.
         """
         for trial in self.trials:
-            least = max(law_error(trial.effect, self.named), BEYOND * self.tolerated)
-            if not self.gains(trial) or self.explained(trial) <= least:
+            if not self.gains(trial) or self.explained(trial) <= self.least(trial.effect):
                 continue
             columns = self.columns(panel, trial)
             if not self._worth(columns, trial):

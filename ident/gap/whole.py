@@ -95,7 +95,8 @@ def whole_effect(
     best_single = np.minimum(squares, [s.best_error for s in searches])
     single = _likelihoods(problems, squares, best_single)
     affected = _gains(squares, best_single) > GAIN
-    tried = [_try(panel, problems, effect, before) for effect in forms(survey, None, present)]
+    candidates = forms(survey, None, present)
+    tried = [_try(panel, problems, effect, _starts(panel, searches, effect), before) for effect in candidates]
     ranking = tuple(sorted((w for w in tried if w is not None), key=lambda w: -w.standing))
     for best in ranking:
         after = best.held_out.sum(axis=1)
@@ -169,7 +170,9 @@ def _p_value(panel: Panel, whole: Whole, searches: Sequence[Search]) -> float:
     return min(1.0, min(values) * len(values))
 
 
-def _try(panel: Panel, problems: Sequence[JointProblem], effect: Effect, before: FloatArray) -> Whole | None:
+def _try(
+    panel: Panel, problems: Sequence[JointProblem], effect: Effect, starts: Sequence[FloatArray], before: FloatArray
+) -> Whole | None:
     lower = np.array([c.lower for c in effect.coefficients(panel.robot)])
 
     def at(shape: FloatArray, lawful: bool) -> Whole | None:
@@ -195,9 +198,6 @@ def _try(panel: Panel, problems: Sequence[JointProblem], effect: Effect, before:
 
         return at(climb(likelihood, effect.shapes, best.shape, best.likelihood)[0], lawful)
 
-    starts = list(grid(effect.shapes))
-    if effect.joint is not None and effect.shapes:
-        starts = _shown_by_its_own(panel, problems[effect.joint], effect, effect.joint)
     best = searched(starts, lawful=False)
     if best is None or best.likelihood <= 0.0 or (effect.joint is not None and at_bound(effect, best.shape)):
         return None
@@ -207,11 +207,23 @@ def _try(panel: Panel, problems: Sequence[JointProblem], effect: Effect, before:
     return replace(best, standing=law.likelihood * (1.0 - RIVAL_LAW if at_bound(effect, law.shape) else 1.0))
 
 
-def _shown_by_its_own(panel: Panel, problem: JointProblem, effect: Effect, joint: int) -> list[FloatArray]:
-    """Shapes from which what one joint has, of one coefficient, is searched for in all rows; its own show it first."""
+def _starts(panel: Panel, searches: Sequence[Search], effect: Effect) -> list[FloatArray]:
+    """Shapes from which an effect is searched for in all rows; what one joint has shows in its own row first."""
+    if effect.joint is None or not effect.shapes:
+        return list(grid(effect.shapes))
+    own = searches[effect.joint]
+    if effect not in own.starts:
+        own.starts[effect] = _shown(panel, own.problem, effect, effect.joint)
+    return own.starts[effect]
+
+
+def _shown(panel: Panel, problem: JointProblem, effect: Effect, joint: int) -> list[FloatArray]:
+    """Shapes of an effect that explain most of a joint's row, each column alone; none where none shows."""
     shapes = list(grid(effect.shapes))
-    drops, found = problem.drops(np.hstack([problem.of(panel.columns(effect, shape, joint)) for shape in shapes]))
-    drops[found <= 0.0] = 0.0
+    columns = np.hstack([problem.of(panel.columns(effect, shape, joint)) for shape in shapes])
+    each, found = (x.reshape(len(shapes), -1) for x in problem.drops(columns))
+    positive = np.array([c.lower >= 0.0 for c in effect.coefficients(panel.robot)])
+    drops = np.where(positive & (found < 0.0), 0.0, each).max(axis=1)
     best = np.argsort(-drops)[:STARTS]
     if drops[best[0]] < SHOWS * float(np.sum(problem.residual**2)):
         return []
