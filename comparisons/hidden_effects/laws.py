@@ -188,8 +188,8 @@ def _(s: Scene, j: int, a: float, rng: np.random.Generator) -> tuple[FloatArray,
     return on(s, j, -a * s.torque[:, j] * (1.0 - engaged)), {"gap": gap}
 
 
-PLAY = 0.02
-"""Play [rad] at most, of a worn joint."""
+LEAST_PLAY, PLAY = 1e-4, 0.02
+"""Play [rad] at least, below which it is the flanks' spring that shows, and at most, of a worn joint."""
 
 FINE = 2e-4
 """Step [s] at which the motion of a link in its play is integrated."""
@@ -197,7 +197,7 @@ FINE = 2e-4
 
 def _knocks(s: Scene, j: int, a: float, rng: np.random.Generator) -> tuple[FloatArray, dict[str, float]]:
     """Play whose link flies through and knocks: flanks that stiffen and lose energy as Hunt and Crossley's (1975)."""
-    gap, hertz, loss = min(1e-3 * a, PLAY), rng.uniform(12.0, 40.0), rng.uniform(0.5, 4.0)
+    gap, hertz, loss = float(np.clip(1e-3 * a, LEAST_PLAY, PLAY)), rng.uniform(12.0, 40.0), rng.uniform(0.5, 4.0)
     inertia = s.body.mass_matrix(s.q, s.parameters)[:, :, j]
     usual = float(np.median(np.abs(s.torque[:, j])))
     # Under the usual load the flanks are as stiff as a spring of that frequency.

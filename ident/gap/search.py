@@ -150,8 +150,8 @@ class Search(Beside):
         return min((t.errors.total for t in self.trials if t.errors is not None), default=self.before.total)
 
     @cached_property
-    def starts(self) -> dict[Effect, list[FloatArray]]:
-        """Shapes from which causes of the whole robot that this joint has are searched for, told from its own row."""
+    def starts(self) -> dict[str, list[FloatArray]]:
+        """Shapes from which causes of the whole robot that this joint has, as written, are searched for."""
         return {}
 
     @cached_property

@@ -211,10 +211,10 @@ def _starts(panel: Panel, searches: Sequence[Search], effect: Effect) -> list[Fl
     """Shapes from which an effect is searched for in all rows; what one joint has shows in its own row first."""
     if effect.joint is None or not effect.shapes:
         return list(grid(effect.shapes))
-    own = searches[effect.joint]
-    if effect not in own.starts:
-        own.starts[effect] = _shown(panel, own.problem, effect, effect.joint)
-    return own.starts[effect]
+    own, written = searches[effect.joint], repr(effect)  # an effect of the user's may not be hashable
+    if written not in own.starts:
+        own.starts[written] = _shown(panel, own.problem, effect, effect.joint)
+    return own.starts[written]
 
 
 def _shown(panel: Panel, problem: JointProblem, effect: Effect, joint: int) -> list[FloatArray]:
