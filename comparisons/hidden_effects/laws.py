@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import itertools
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import NamedTuple
@@ -11,7 +10,7 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 from scipy.signal import lfilter
 
-from ident.arrays import FloatArray
+from ident.arrays import FloatArray, IntArray
 from ident.compiled import compiled
 from ident.rigid_body import RigidBody
 
@@ -91,6 +90,11 @@ def on(scene: Scene, joint: int, force: FloatArray) -> FloatArray:
     everywhere = np.zeros_like(scene.q)
     everywhere[:, joint] = force
     return everywhere
+
+
+def pieces(scene: Scene) -> list[IntArray]:
+    """Return the rows of every segment."""
+    return np.split(np.arange(len(scene.t)), np.flatnonzero(scene.start)[1:])
 
 
 def sign(v: FloatArray, smooth: float = 2e-3) -> FloatArray:
@@ -202,27 +206,23 @@ def _knocks(s: Scene, j: int, a: float, rng: np.random.Generator) -> tuple[Float
     usual = float(np.median(np.abs(s.torque[:, j])))
     # Under the usual load the flanks are as stiff as a spring of that frequency.
     stiff = float(np.mean(inertia[:, j])) * (2.0 * np.pi * hertz) ** 2
-    starts = [*np.flatnonzero(s.start).tolist(), len(s.t)]
     force = np.zeros_like(s.q)
-    for first, end in itertools.pairwise(starts):
-        t, load = s.t[first:end], s.torque[first:end, j]
+    for piece in pieces(s):
+        t, load, moved = s.t[piece], s.torque[piece, j], inertia[piece]
         fine = np.arange(t[0], t[-1], FINE)
-        carried = _carried(
-            CubicSpline(t, load)(fine), np.interp(fine, t, inertia[first:end, j]), 0.5 * gap, stiff, usual, loss, FINE
-        )
+        own = np.interp(fine, t, moved[:, j])
+        carried = _carried(CubicSpline(t, load)(fine), own, 0.5 * gap, stiff, usual, loss)
         # Drives report the mean of a sampling period.
         edges = np.concatenate([[0], np.clip(np.round((t - t[0]) / FINE).astype(int), 1, len(fine))])
         sums = np.concatenate([[0.0], np.cumsum(carried)])
         mean = np.diff(sums[edges]) / np.maximum(np.diff(edges), 1)
         mean[0] = load[0]
-        force[first:end] = inertia[first:end] / inertia[first:end, j : j + 1] * (mean - load)[:, None]
+        force[piece] = moved / moved[:, j : j + 1] * (mean - load)[:, None]
     return force, {"gap": gap}
 
 
 @compiled
-def _carried(
-    load: FloatArray, inertia: FloatArray, half: float, stiff: float, usual: float, loss: float, step: float
-) -> FloatArray:
+def _carried(load: FloatArray, inertia: FloatArray, half: float, stiff: float, usual: float, loss: float) -> FloatArray:
     """Torque through the flanks where a link flies between them."""
     out = np.empty(len(load))
     # A force of stiff wound at the usual load, and with the power of 3/2.
@@ -232,8 +232,8 @@ def _carried(
         side = 1.0 if place > 0.0 else -1.0
         wound = max(side * place - half, 0.0)
         out[k] = side * max(hard * wound**1.5 * (1.0 + loss * side * speed), 0.0)
-        speed += (load[k] - out[k]) / inertia[k] * step
-        place += speed * step
+        speed += (load[k] - out[k]) / inertia[k] * FINE
+        place += speed * FINE
     return out
 
 
@@ -339,7 +339,7 @@ def _(s: Scene, j: int, a: float, rng: np.random.Generator) -> tuple[FloatArray,
 def _(s: Scene, j: int, a: float, rng: np.random.Generator) -> tuple[FloatArray, dict[str, float]]:
     seconds = 1e-3 * a
     late = np.empty_like(s.known)
-    for piece in np.split(np.arange(len(s.t)), np.flatnonzero(s.start)[1:]):
+    for piece in pieces(s):
         t = s.t[piece]
         late[piece] = CubicSpline(t, s.known[piece])(np.maximum(t - seconds, t[0]))
     return late - s.known, {"seconds": seconds}

@@ -16,6 +16,7 @@ if TYPE_CHECKING:
 
 
 FINE_SPREAD = (0.1, 0.3, 1.0, 3.0, 10.0)
+"""Saturation displacements of the elements that gap tries, as multiples of the shape parameter."""
 
 
 @dataclass(frozen=True)
@@ -202,8 +203,8 @@ def _inside(
     return out
 
 
-FINE = 4.0
-"""Steps in which a radian of that ringing is integrated."""
+STEPS = 4.0
+"""Steps in which a radian of a link's ringing on its flank is integrated."""
 
 
 @compiled
@@ -220,7 +221,7 @@ def _ahead(
         if np.isnan(last):
             ahead = (half + abs(pull[k]) / turn**2) * (1.0 if pull[k] >= 0.0 else -1.0)
         else:
-            steps = int(np.ceil((t[k] - last) * turn * FINE))
+            steps = int(np.ceil((t[k] - last) * turn * STEPS))
             step, first = (t[k] - last) / steps, speed
             for i in range(steps):
                 wound = ahead - min(max(ahead, -half), half)

@@ -16,6 +16,9 @@ Float32Array = npt.NDArray[np.float32]
 RIDGE = 1e-10
 """Share of a column's square added to the normal matrix, so that columns that say the same do no harm."""
 
+OWN = 1e-7
+"""Share of a column's size that the baseline must leave, for the rest is rounding."""
+
 LEANING = 0.05
 """Weight with which rows held out tell the baseline's own parameters. One that the other rows hardly tell, as of links
 in poses that no other log has, would else make errors of any size, with an effect as without."""
@@ -149,7 +152,7 @@ class JointProblem:
         """Fall of the squared residual when columns (N, k) are fitted besides the baseline."""
         own = self.away(columns)
         size = sizes(own)
-        used = size > 1e-7 * np.maximum(sizes(columns), 1e-300)
+        used = size > OWN * np.maximum(sizes(columns), 1e-300)
         if not used.any():
             return 0.0
         own = own[:, used] / size[used]
@@ -168,7 +171,7 @@ class JointProblem:
     def drops(self, columns: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Fall (k,) of the squared residual with each of columns (N, k) fitted alone, and its coefficient (k,)."""
         own = self.away(columns)
-        square = np.maximum(np.sum(own**2, axis=0), 1e-14 * np.maximum(np.sum(columns**2, axis=0), 1e-300))
+        square = np.maximum(sizes(own), OWN * np.maximum(sizes(columns), 1e-300)) ** 2
         coefficients = self.residual @ own / square
         return coefficients**2 * square, coefficients
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
@@ -139,20 +139,17 @@ class Search(Beside):
     Attributes:
         gate: its surrogates, which have seen all of them.
         trials: the candidates, best first.
+        starts: shapes from which causes of the whole robot that this joint has, as written, are searched for, if known.
     """
 
     gate: Gate
     trials: tuple[Trial, ...]
+    starts: dict[str, list[FloatArray]] = field(default_factory=dict)
 
     @property
     def best_error(self) -> float:
         """Smallest held-out squared residual of all candidates."""
         return min((t.errors.total for t in self.trials if t.errors is not None), default=self.before.total)
-
-    @cached_property
-    def starts(self) -> dict[str, list[FloatArray]]:
-        """Shapes from which causes of the whole robot that this joint has, as written, are searched for."""
-        return {}
 
     @cached_property
     def tolerated(self) -> float:

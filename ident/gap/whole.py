@@ -117,6 +117,7 @@ def whole_effect(
             shown = _rivals(likelihoods, single, affected)
         if shown and (alone or last):
             shown = all(_exhausts(panel, survey, problems[j], best, j) for j in helped.tolist())
+        # Play is there where the load changes sides, which slow motion need not do.
         if not shown or not (best.effect.family == "hysteresis" or _at_any_pace(panel, problems, best)):
             continue
         p_value = _p_value(panel, best, searches)

@@ -198,9 +198,8 @@ def test_play_whose_link_flies_and_knocks_is_named(tmp_path):
     assert play.terms[0].effect == Backlash(2, flies=True)
     assert play.parameters["gap"] == pytest.approx(made.parameters[0]["gap"], rel=0.2)
     assert found.evidence is not None
-    assert np.all(
-        found.evidence.after[1:3] < 0.8 * found.evidence.before[1:3]
-    )  # the joint that carries it feels it, too
+    # The joint that carries it feels it, too.
+    assert np.all(found.evidence.after[1:3] < 0.8 * found.evidence.before[1:3])
     save_model(found.model, tmp_path)
     (test,) = made.test
     np.testing.assert_allclose(load_model(tmp_path, made.robot).predict(test), found.model.predict(test), atol=1e-9)
