@@ -9,7 +9,14 @@ import numpy as np
 
 from ident.arrays import FloatArray
 from ident.effects.base import Coefficient, Context, Effect, Shape, Survey, ToldAtLargest
-from ident.effects.transmission import GEAR_HARMONICS, POLE_HARMONICS, GearRipple, fewest_repeats, most_of_gears
+from ident.effects.transmission import (
+    GEAR_HARMONICS,
+    POLE_HARMONICS,
+    GearRipple,
+    fewest_repeats,
+    most_of_gears,
+    ripples_apart,
+)
 
 if TYPE_CHECKING:
     from ident.robot import Robot
@@ -138,4 +145,5 @@ class Cogging(GearRipple):
         gears = most_of_gears(survey, joint)
         fewest = max(gears, fewest_repeats(survey, joint))
         most = max(gears * POLE_HARMONICS / GEAR_HARMONICS, DIRECT_DRIVE)
-        return [cls(joint, most=most, fewest=fewest)] if most > fewest + 1.0 else []
+        step = ripples_apart(survey, joint)
+        return [cls(joint, most=most, fewest=fewest, step=step)] if most > fewest + 1.0 else []

@@ -33,8 +33,11 @@ HARMONIC_REPEATS = 125.0
 LEAST_MIX = 0.2
 """Angle [rad] between a mix of two joints' motion and the joint's own below which it is the joint's own friction."""
 
-POLE_HARMONICS = 10.0
+POLE_HARMONICS = 16.0
 """Repeats a turn of the motor up to which its poles are looked for."""
+
+APART = 3.0
+"""Phase [rad] by which ripples must come apart over the angles seen, to be looked for one by one."""
 
 REMEMBERED = 5
 """Samples before a row from which a load's derivatives are extrapolated."""
@@ -108,11 +111,13 @@ class GearRipple(Effect):
     Attributes:
         most, fewest: repeats a turn between which the search looks.
         harmonics: of the ripple, one or two.
+        step: repeats a turn from one start of the search to the next.
     """
 
     most: float = 40.0
     fewest: float = 0.5
     harmonics: int = 1
+    step: float = 1.0
 
     name = "gear-ripple"
     family = "transmission"
@@ -126,12 +131,13 @@ class GearRipple(Effect):
             return []
         fewest, most = fewest_repeats(survey, joint), most_of_gears(survey, joint)
         tried = ((most, 1), (min(most, HARMONIC_REPEATS), 2))
-        return [cls(joint, limit, fewest, harmonics) for limit, harmonics in tried if limit > fewest + 1.0]
+        step = ripples_apart(survey, joint)
+        return [cls(joint, limit, fewest, harmonics, step) for limit, harmonics in tried if limit > fewest + 1.0]
 
     @property
     def shapes(self) -> tuple[Shape, ...]:
         """Return the repeats a turn of the joint."""
-        starts = tuple(np.arange(np.floor(self.fewest) + 1.0, self.most).tolist())
+        starts = tuple(np.arange(np.floor(self.fewest) + 1.0, self.most, self.step).tolist())
         return (Shape("per_turn", "1", self.fewest, self.most, starts, log=False),)
 
     def coefficients(self, robot: Robot) -> tuple[Coefficient, ...]:
@@ -166,6 +172,16 @@ def fewest_repeats(survey: Survey, joint: int) -> float:
         joint: from 0.
     """
     return max(FEWEST_REPEATS, WAVES * 2.0 * np.pi / max(float(survey.reach[joint]), 1e-6))
+
+
+def ripples_apart(survey: Survey, joint: int) -> float:
+    """Return the repeats a turn of a joint by which ripples must differ to look different.
+
+    Args:
+        survey: what is known of robot and logs.
+        joint: from 0.
+    """
+    return float(max(1.0, np.floor(APART / max(float(survey.reach[joint]), 1e-6))))
 
 
 def most_of_gears(survey: Survey, joint: int) -> float:

@@ -8,6 +8,7 @@ import numpy as np
 
 from ident.arrays import FloatArray
 from ident.effects import load_catalogue
+from ident.effects.transmission import GEAR_HARMONICS
 from ident.gap.candidates import Trial, admissible
 from ident.gap.experiment import Experiment
 from ident.gap.joint_gap import JointGap, Named, nested_errors
@@ -60,7 +61,7 @@ def alternatives(panel: Panel, gap: JointGap, named: Sequence[Named], one: Named
     own = _held_out(panel, problem, one.trial, gap.joint)
     explained = before - float(own @ own)
     found: dict[str, Trial | None] = {}
-    if one.effect.name in TWINS and panel.robot.gear_ratio is None:
+    if one.effect.name in TWINS and _of_motor(panel, one.trial, gap.joint):
         found[TWINS[one.effect.name]] = None
     taken = {n.effect.name for n in named}
     for rival in [t for t in one.ranking if t.effect.name != one.effect.name][:RIVALS]:
@@ -77,7 +78,19 @@ def alternatives(panel: Panel, gap: JointGap, named: Sequence[Named], one: Named
 
 
 TWINS = {"gear-ripple": "cogging", "cogging": "gear-ripple"}
-"""The same columns: only the gear ratio tells one from the other."""
+"""The same columns: only the gear ratio tells one from the other, unless the ripple is one of whole motor turns."""
+
+WHOLE = 0.01
+"""Part of a motor turn that a ripple of its whole turns may be off by."""
+
+
+def _of_motor(panel: Panel, ripple: Trial, joint: int) -> bool:
+    """Whether a ripple may be the gear's as well as the poles': once or twice a turn of the motor, or who knows."""
+    ratio = panel.robot.gear_ratio
+    if ratio is None:
+        return True
+    turns = float(ripple.shape[0]) / max(abs(float(ratio[joint])), 1e-6)
+    return abs(turns - round(turns)) <= WHOLE and 1 <= round(turns) <= GEAR_HARMONICS
 
 
 def next_experiment(name: str, others: Mapping[str, Experiment | None]) -> str | None:

@@ -203,6 +203,17 @@ def test_a_direct_drive_has_poles_and_no_gear(tmp_path, vs060):
     assert 14.0 in repeats.starts
 
 
+@pytest.mark.parametrize("reach", [0.4, 1.2, 4.0])
+def test_no_ripple_hides_between_two_starts(vs060, reach):
+    angle = np.linspace(0.0, reach, 20000)
+    survey = SimpleNamespace(robot=vs060, reach=np.full(6, reach))
+    repeats = np.array(Cogging.candidates(survey, 2)[0].shapes[0].starts)
+    assert repeats.max() > 12.0 * vs060.gear_ratio[2]
+    hidden = np.exp(1j * (repeats[:-1] + repeats[1:]) / 2.0 * angle[:, None])
+    near = np.exp(1j * repeats[:-1] * angle[:, None])
+    assert np.abs(np.mean(hidden * near.conj(), axis=0)).min() > 0.8
+
+
 def test_a_ripple_is_one_if_two_of_its_waves_are_seen(vs060):
     for effect in (GearRipple, Cogging):
         for reach in (0.02, 0.5, 3.0):
