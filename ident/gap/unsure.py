@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
-from scipy.ndimage import uniform_filter1d
+from scipy.ndimage import maximum_filter1d, uniform_filter1d
 
 from ident.arrays import BoolArray, FloatArray
 from ident.effects.base import Survey
@@ -91,7 +91,8 @@ def smear(model: CurrentModel, block: Block) -> FloatArray:
 def velocity_noise(model: CurrentModel, block: Block) -> FloatArray:
     """Standard deviation (N, n) of the noise in the velocities used, from what the filter took away around each row.
 
-    That is taken for white; its share below the cut-off, or of positions its derivative's, follows.
+    That is taken for white; its share below the cut-off, or of positions its derivative's, follows. Counts that come
+    more slowly than the cut-off pass it, and are no less noise.
     """
     cutoff, rate = model.cutoff, block.log.rate
     share = min(2.0 * cutoff / rate, 0.9)
@@ -100,4 +101,16 @@ def velocity_noise(model: CurrentModel, block: Block) -> FloatArray:
     around = max(3, round(AROUND * rate))
     square = uniform_filter1d(np.nan_to_num(removed) ** 2, around, axis=0, mode="nearest")
     noise = np.sqrt(np.maximum(square, 0.0) / (1.0 - share))
-    return derivative_noise(noise, cutoff, rate) if logged is None else np.asarray(noise * np.sqrt(share))
+    if logged is not None:
+        return np.asarray(noise * np.sqrt(share))
+    return np.asarray(np.hypot(derivative_noise(noise, cutoff, rate), _counted(block, cutoff)))
+
+
+def _counted(block: Block, cutoff: float) -> FloatArray:
+    """Standard deviation (N, n) of velocities of which the encoder's counts come more slowly than the cut-off."""
+    steps = np.abs(np.diff(block.log.q, axis=0, prepend=block.log.q[:1]))
+    # A count and none are as likely at half a count a period; positions that are never the same twice have no counts.
+    count = np.min(np.where(steps > 0.0, steps, np.inf), axis=0)
+    near = maximum_filter1d(steps, 2 * max(1, round(block.log.rate / cutoff)) + 1, axis=0) > 0.0
+    speed = np.where(np.isfinite(count), 0.5 * count * cutoff, 0.0)
+    return np.asarray(np.where(near & (np.abs(block.motion.dq) < 2.0 * speed), speed, 0.0))
