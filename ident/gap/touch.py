@@ -33,6 +33,9 @@ takes up whatever is smaller than itself, and that is no touch unless another jo
 RAREST = 0.25
 """Touches fill at most this share of the time, and half of the motion; what is there more often is no touch."""
 
+RINGS = 4
+"""Times that what looks like a touch changes sides at once, from which on something rings that nobody touches."""
+
 BENT, STRETCHES = 0.25, 4.0
 """Share of the usual averaged residual that is left without touches where they had bent the model; stretches as long
 as the averaging that must be left for every column. Without touches it is .93 and more; .39 in 19 s of log."""
@@ -101,16 +104,18 @@ def find_touches(panel: Panel, survey: Survey, residuals: FloatArray, named: Flo
     high = np.abs(averaged) > np.maximum(least, 1e-300)
     sure = np.abs(averaged) > least + still * survey.holds
     bursts = np.zeros_like(high)
-    shortest = max(2, round(SHORTEST / step))
+    shortest, margin = max(2, round(SHORTEST / step)), max(1, round(MARGIN / step))
     for j, a, b in _pieces(high, edges):
         bursts[a:b, j] = b - a >= shortest
     for j, a, b in _pieces(bursts, edges):
         others = np.delete(bursts[a:b], j, axis=1).any(axis=1)
         touched[a:b, j] = (sure[a:b, j] | others).mean() > 0.5
+    for j, a, b in _ringing(np.abs(averaged) > 0.5 * least, averaged, edges, margin):
+        touched[a:b, j] = False
     share = touched.mean(axis=0)
     touched[:, share > RAREST] = False
     any_joint = touched.any(axis=1)
-    rows = binary_dilation(any_joint, iterations=max(1, round(MARGIN / step)))
+    rows = binary_dilation(any_joint, iterations=margin)
     _, episodes = label(rows)
     joints = tuple(int(j) for j in np.flatnonzero(touched.any(axis=0)))
     return Touches(np.asarray(rows, dtype=bool), joints, float(any_joint.sum() * step), int(episodes))
@@ -132,6 +137,23 @@ def _pieces(marked: BoolArray, edges: IntArray) -> Iterator[tuple[int, int, int]
         for first, end in itertools.pairwise(edges.tolist()):
             for (rows,) in find_objects(label(marked[first:end, j])[0]):
                 yield j, first + rows.start, first + rows.stop
+
+
+def _ringing(large: BoolArray, averaged: FloatArray, edges: IntArray, margin: int) -> Iterator[tuple[int, int, int]]:
+    """Yield joint, first row and end of stretches in which large residuals (N, n) change sides time after time."""
+    runs: list[list[tuple[int, int, int]]] = []
+    side, last = 0.0, (-1, 0, 0)
+    for one in _pieces(large, edges):
+        joint, first, end = one
+        before, side = side, float(np.sign(averaged[first:end, joint].sum()))
+        if joint == last[0] and 0 <= first - last[2] <= margin and side == -before:
+            runs[-1].append(one)
+        else:
+            runs.append([one])
+        last = one
+    for run in runs:
+        if len(run) > RINGS:
+            yield run[0][0], run[0][1], run[-1][2]
 
 
 def _usual(panel: Panel, averaged: FloatArray, known: BoolArray, joint: int) -> FloatArray:

@@ -534,3 +534,13 @@ def test_a_burst_is_held_against_what_is_usual_in_motion(arm, monkeypatch):
     residuals[2200:2250, 1] -= 0.5
     residuals[2510:2560, 1] += 1.2
     assert find_touches(panel, survey, residuals, nothing).episodes == 1
+
+
+def test_what_rings_is_no_touch(arm):
+    def slosh(t, q, dq):
+        since = np.maximum(t - 10.0, 0.0)
+        return 1.5 * (since > 0.0) * np.exp(-since / 3.0) * np.sin(2.0 * np.pi * 1.3 * since)
+
+    found = structure(arm, hidden=slosh)
+    assert found.findings == ()
+    assert [one.joints for one in found.unexplained] == [(1,)]
