@@ -7,8 +7,8 @@ from collections.abc import Callable, Sequence
 import numpy as np
 
 from ident.arrays import FloatArray
-from ident.effects.base import Term, initial_term
-from ident.effects.electrical import DriveGain
+from ident.effects.base import Survey, Term, initial_term
+from ident.effects.electrical import DriveGain, TorqueSaturation
 from ident.gap.joint_gap import JointGap
 from ident.gap.panel import Panel
 from ident.gap.rows import left_by
@@ -24,10 +24,14 @@ OWN, ALL = 0.8, 0.5
 """Share of a joint's contradiction, in squares, and of that of all joints together, that its gain must account for
 (1.0 and .9 where one was 19 % wrong; up to .5 and .15 in logs of arms whose gains are right)."""
 
+SATURATES = 1.1
+"""How many times as much iron that saturates may account for: links bend to it, and others' gains with them."""
+
 
 def wrong_gain(
     model: CurrentModel,
     panel: Panel,
+    survey: Survey,
     gaps: Sequence[JointGap],
     fitted: Callable[[CurrentModel, Sequence[Term]], CurrentModel],
 ) -> Term | None:
@@ -38,6 +42,7 @@ def wrong_gain(
     Args:
         model: fitted to all rows together.
         panel: the rows, as that model sees them.
+        survey: facts about them.
         gaps: each joint's rows, whose links are fitted to them alone.
         fitted: fits a model again with further terms.
     """
@@ -51,15 +56,21 @@ def wrong_gain(
         shared = np.array([float(np.mean(left[gap.keep, gap.joint] ** 2)) for gap in gaps])
         return np.asarray(shared / np.maximum(own, 1e-300) - 1.0)
 
+    def fallen(effect: DriveGain | TorqueSaturation) -> tuple[Term, FloatArray]:
+        """An effect fitted besides, and by how much the contradictions are smaller with it."""
+        tried = fitted(model, [initial_term(effect)])
+        return tried.terms[-1], before - contradiction(tried, panel.seen_by(tried))
+
     before = contradiction(model, panel)
     if before.max() < CONTRADICTS**2 - 1.0:
         return None
     present = [term.effect for term in model.terms]
-    for joint in np.argsort(-before)[:SUSPECTS].tolist():
+    suspects: list[int] = np.argsort(-before)[:SUSPECTS].tolist()
+    for joint in suspects:
         if DriveGain(joint) in present:
             continue
-        tried = fitted(model, [initial_term(DriveGain(joint))])
-        falls = before - contradiction(tried, panel.seen_by(tried))
+        gain, falls = fallen(DriveGain(joint))
         if falls[joint] >= OWN * before[joint] and falls.sum() >= ALL * before.sum():
-            return tried.terms[-1]
+            iron = (fallen(TorqueSaturation(j, float(survey.largest[j])))[1].sum() for j in suspects)
+            return None if any(other > SATURATES * falls.sum() for other in iron) else gain
     return None

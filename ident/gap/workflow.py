@@ -154,7 +154,7 @@ class _Workflow:
     def wrong_gain(self) -> Term | None:
         """A joint's gain that the rows of the others contradict."""
         self.tell("comparing joints", 0.0)
-        return wrong_gain(self.model, self.panel, self.gaps, self.fitted)
+        return wrong_gain(self.model, self.panel, self.survey, self.gaps, self.fitted)
 
     def unsure(self) -> BoolArray:
         """Rows (N, n) whose sign of velocity is noise."""
