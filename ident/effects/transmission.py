@@ -58,6 +58,7 @@ class CrossJointFriction(Effect):
     name = "cross-joint-friction"
     family = "transmission"
     contains = ("coulomb",)
+    besides = 1
     rivals = ("coulomb", "viscous", "cross-joint-hysteresis")
     excitation = "the two joints moving alone, together and against one another"
 

@@ -171,7 +171,7 @@ class JointProblem:
     def drops(self, columns: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Fall (k,) of the squared residual with each of columns (N, k) fitted alone, and its coefficient (k,)."""
         own = self.away(columns)
-        square = np.maximum(sizes(own), OWN * np.maximum(sizes(columns), 1e-300)) ** 2
+        square = np.maximum(sizes(own), OWN * np.maximum(sizes(columns), 1e-140)) ** 2
         coefficients = self.residual @ own / square
         return coefficients**2 * square, coefficients
 

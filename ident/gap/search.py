@@ -41,6 +41,9 @@ effect must explain besides."""
 PLAIN = 0.85
 """Share of what an effect explains that one of its limits must, to be named first."""
 
+ITSELF = 0.95
+"""Share of what an effect explains from which on it is not its law, if columns that only come with that explain it."""
+
 FEW, RESTS = 0.02, 0.1
 """Share of rows without which motion, and rest, are not asked: a log whose joint stands for less is one of
 reversals."""
@@ -99,6 +102,7 @@ class Beside:
         groups = [rows for rows, share in ((moving, FEW), (~moving, RESTS)) if rows.mean() > share]
         everywhere = self._helps(trial.errors.held_out) and agrees(self.problem, columns, groups)
         everywhere = everywhere and self._is_on_time(panel, trial, columns)
+        everywhere = everywhere and self._is_itself(panel, trial, columns)
         return everywhere and self._shrinks(panel, trial) and self._repeats(panel, trial)
 
     def columns(self, panel: Panel, trial: Trial) -> FloatArray:
@@ -111,6 +115,14 @@ class Beside:
             return True
         force = columns @ self.problem.fit(columns)[self.problem.matrix.shape[1] :]
         return agrees_at_any_pace([Predicted.of(panel, self.problem, self.joint, force)], AGREES)
+
+    def _is_itself(self, panel: Panel, trial: Trial, columns: FloatArray) -> bool:
+        """Whether what explains the joint is more than what comes with the law: damping alone is no dry friction."""
+        besides = trial.effect.besides
+        if besides == 0:
+            return True
+        alone = self.problem.of(panel.columns(trial.effect, trial.shape, self.joint))[:, -besides:]
+        return self.problem.drop(alone) < ITSELF * self.problem.drop(columns)
 
     def _shrinks(self, panel: Panel, trial: Trial) -> bool:
         """Whether the model as it will be delivered, without nuisance, gains by the effect as well."""

@@ -566,3 +566,9 @@ def test_what_rings_is_no_touch(arm):
     found = structure(arm, hidden=slosh)
     assert found.findings == ()
     assert [one.joints for one in found.unexplained] == [(1,)]
+
+
+def test_a_force_that_grows_with_another_joints_speed_is_no_dry_friction(arm):
+    found = structure(arm, hidden=lambda t, q, dq: 0.9 * dq[:, 0])
+    assert found.findings == ()
+    assert (1,) in [one.joints for one in found.unexplained]
