@@ -34,7 +34,7 @@ RAREST = 0.25
 """Touches fill at most this share of the time, and half of the motion; what is there more often is no touch."""
 
 RINGS = 4
-"""Times that what looks like a touch changes sides at once, from which on something rings that nobody touches."""
+"""Times that what looks like a touch changes sides, one soon after the other, from which on it rings untouched."""
 
 BENT, STRETCHES = 0.25, 4.0
 """Share of the usual averaged residual that is left without touches where they had bent the model; stretches as long
