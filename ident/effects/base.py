@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from abc import ABC, abstractmethod
+from collections.abc import Iterator
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import TYPE_CHECKING, ClassVar
@@ -207,6 +208,14 @@ class Effect(ABC):
     @abstractmethod
     def columns(self, context: Context, shape: FloatArray, memory: FloatArray) -> FloatArray:
         """Columns (N, k) at the joint that it acts on, or (N, n, k) if on all, per unit of each coefficient."""
+
+    def sweep(self, context: Context, shapes: FloatArray) -> Iterator[FloatArray]:
+        """Yield the columns at each of several shapes (m, s), from the start of a segment.
+
+        One after the other unless a subclass knows a cheaper way.
+        """
+        for shape in shapes:
+            yield self.columns(context, shape, self.start())
 
     def row(self, context: Context, shape: FloatArray, memory: FloatArray, joint: int) -> FloatArray:
         """Columns (N, k) at one of the joints that the effect acts on."""

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import itertools
+from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, ClassVar
 
@@ -156,6 +158,18 @@ class GearRipple(Effect):
         """Return sine and cosine of once (and twice) per_turn times the angle."""
         phases = [k * shape[0] * context.motion.q[:, self.at] for k in range(1, self.harmonics + 1)]
         return np.stack([wave(phase) for phase in phases for wave in (np.sin, np.cos)], axis=1)
+
+    def sweep(self, context: Context, shapes: FloatArray) -> Iterator[FloatArray]:
+        """Yield sine and cosine at each of several repeats a turn; evenly spaced ones by turning one phasor on."""
+        per_turn, angle = shapes[:, 0], context.motion.q[:, self.at]
+        if len(per_turn) < 3 or np.ptp(np.diff(per_turn)) > 1e-9:
+            yield from super().sweep(context, shapes)
+            return
+        wave, onward = (np.exp(1j * turns * angle) for turns in (per_turn[0], per_turn[1] - per_turn[0]))
+        for _ in per_turn:
+            powers = itertools.accumulate([wave] * self.harmonics, np.multiply)
+            yield np.stack([part for power in powers for part in (power.imag, power.real)], axis=1)
+            wave = wave * onward
 
     def gradient(self, context: Context, shape: FloatArray) -> FloatArray:
         """Differentiate the columns by the repeats a turn."""

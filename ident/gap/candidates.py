@@ -82,28 +82,35 @@ def grid(shapes: Sequence[Shape]) -> Iterator[FloatArray]:
         yield np.array(values, dtype=float)
 
 
-def usable(
-    panel: Panel, problem: JointProblem, effect: Effect, shape: FloatArray, joint: int
-) -> tuple[FloatArray, BoolArray]:
-    """Columns (N, k) of an effect in all of a joint's rows, and those (k,) whose coefficients keep to their bounds."""
-    columns = panel.columns(effect, shape, joint)
+def usable(panel: Panel, problem: JointProblem, effect: Effect, columns: FloatArray) -> BoolArray:
+    """Which of an effect's columns (N, k) in a problem's rows have coefficients (k,) that keep to their bounds."""
     lower = np.array([c.lower for c in effect.coefficients(panel.robot)])
     if not np.isfinite(lower).any():
-        return columns, np.ones(columns.shape[1], dtype=bool)
-    return columns, problem.admissible(problem.of(columns), lower)
+        return np.ones(columns.shape[1], dtype=bool)
+    return problem.admissible(columns, lower)
 
 
 def admissible(panel: Panel, problem: JointProblem, effect: Effect, shape: FloatArray, joint: int) -> FloatArray:
     """Columns (N, k) of an effect in a problem's rows, without those whose coefficients would break their bounds."""
-    columns, used = usable(panel, problem, effect, shape, joint)
-    return problem.of(columns) if used.all() else problem.of(columns)[:, used]
+    return next(sweep(panel, problem, effect, [shape], joint))
+
+
+def sweep(
+    panel: Panel, problem: JointProblem, effect: Effect, shapes: Sequence[FloatArray], joint: int
+) -> Iterator[FloatArray]:
+    """Yield the admissible columns (N, k) of an effect at each of several shapes."""
+    for everywhere in panel.sweep(effect, shapes, joint):
+        columns = problem.of(everywhere)
+        used = usable(panel, problem, effect, columns)
+        yield columns if used.all() else columns[:, used]
 
 
 def coefficients(panel: Panel, problem: JointProblem, trial: Trial, joint: int) -> FloatArray:
     """Linear parameters (k,) of a trial fitted to a problem's rows; those at their bounds are nought."""
-    columns, used = usable(panel, problem, trial.effect, trial.shape, joint)
+    columns = problem.of(panel.columns(trial.effect, trial.shape, joint))
+    used = usable(panel, problem, trial.effect, columns)
     values = np.zeros(columns.shape[1])
-    values[used] = problem.fit(problem.of(columns)[:, used])[problem.matrix.shape[1] :]
+    values[used] = problem.fit(columns[:, used])[problem.matrix.shape[1] :]
     return values
 
 
@@ -113,7 +120,7 @@ def screen(panel: Panel, gate: Gate, effect: Effect, joint: int) -> Trial:
     shapes = list(grid(effect.shapes))
     for first in range(0, len(shapes), TOGETHER):
         some = shapes[first : first + TOGETHER]
-        tried = [admissible(panel, gate.problem, effect, shape, joint) for shape in some]
+        tried = list(sweep(panel, gate.problem, effect, some, joint))
         for k in {columns.shape[1] for columns in tried}:
             same = [i for i, columns in enumerate(tried) if columns.shape[1] == k]
             drops, statistics = gate.look([tried[i] for i in same])
@@ -137,8 +144,9 @@ def refine(panel: Panel, problem: JointProblem, trial: Trial, joint: int) -> Tri
 def best_start(panel: Panel, problem: JointProblem, effect: Effect, joint: int) -> Trial:
     """An effect at that of its starting shapes that suits a problem's rows best."""
     best: Trial | None = None
-    for shape in grid(effect.shapes):
-        drop = problem.drop(admissible(panel, problem, effect, shape, joint))
+    shapes = list(grid(effect.shapes))
+    for shape, columns in zip(shapes, sweep(panel, problem, effect, shapes, joint), strict=True):
+        drop = problem.drop(columns)
         if best is None or drop > best.drop:
             best = Trial(effect, shape, drop)
     assert best is not None

@@ -58,17 +58,17 @@ class Gate:
         k = tried[0].shape[1]
         if k == 0:
             return np.zeros(len(tried)), np.zeros(len(tried))
-        columns = np.hstack(tried)
-        whole = sizes(columns)
-        scaled = (columns / np.where(whole > 0, whole, 1.0)).astype(np.float32)
-        basis = self.problem.coarse_basis
-        own = scaled - basis @ (basis.T @ scaled)
-        size = sizes(own)
+        own = np.empty((len(tried), k, len(self.problem)), dtype=np.float32)
+        for form, columns in zip(own, tried, strict=True):
+            whole = sizes(columns)
+            np.divide(columns.T, np.where(whole > 0, whole, 1.0)[:, None], out=form, casting="same_kind")
+        flat, basis = own.reshape(len(tried) * k, -1), self.problem.coarse_basis
+        flat -= (flat @ basis) @ basis.T
+        size = sizes(flat.T)
         # What the baseline absorbs keeps its length of nearly nought, and so takes no part.
-        own /= np.where(size > ABSORBED, size, np.float32(np.inf))
-        parts = (own.T @ self.targets).reshape(len(tried), k, -1).astype(np.float64)
-        forms = own.reshape(len(own), len(tried), k).transpose(1, 2, 0)
-        gram = (forms @ forms.transpose(0, 2, 1)).astype(np.float64) + 1e-6 * np.eye(k)
+        flat /= np.where(size > ABSORBED, size, np.float32(np.inf))[:, None]
+        parts = (flat @ self.targets).reshape(len(tried), k, -1).astype(np.float64)
+        gram = (own @ own.transpose(0, 2, 1)).astype(np.float64) + 1e-6 * np.eye(k)
         falls = np.einsum("ikr,ikr->ir", parts, np.linalg.solve(gram, parts))
         drop, chance = falls[:, 0], falls[:, 1:]
         mean = chance.mean(axis=1, keepdims=True)

@@ -109,9 +109,11 @@ class JointGap:
 
     def _matrix(self, panel: Panel, named: Sequence[Trial]) -> FloatArray:
         """The baseline's columns and those of effects whose coefficients keep to their bounds, in all rows."""
+        if not named:
+            return self.matrix
         plain = JointProblem(self.matrix, self.target, self.fold(panel), self.keep)
-        found = [usable(panel, plain, trial.effect, trial.shape, self.joint) for trial in named]
-        return np.hstack([self.matrix, *(whole[:, used] for whole, used in found)])
+        found = [(trial.effect, panel.columns(trial.effect, trial.shape, self.joint)) for trial in named]
+        return np.hstack([self.matrix, *(c[:, usable(panel, plain, effect, plain.of(c))] for effect, c in found)])
 
 
 def starts_of(panel: Panel, problem: JointProblem) -> IntArray:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import TypeVar
@@ -59,6 +59,14 @@ class Panel:
         if effect not in self._kept:
             self._kept[effect] = self._columns(effect, shape)
         return self._kept[effect]
+
+    def sweep(self, effect: Effect, shapes: Sequence[FloatArray], joint: int) -> Iterator[FloatArray]:
+        """Yield the columns (N, k) of an effect in a joint's rows at each of several shapes."""
+        if len(shapes) > 1 and effect.start().size == 0:
+            for found in effect.sweep(self._looked_at, np.array(shapes)):
+                yield found[:, joint] if effect.acts_on is None else found
+        else:
+            yield from (self.columns(effect, shape, joint) for shape in shapes)
 
     def _columns(self, effect: Effect, shape: FloatArray) -> FloatArray:
         if effect.start().size == 0:

@@ -103,13 +103,14 @@ class JointProblem:
         self._own = self._products(self.matrix, self.matrix)
         self._own_target = self._products(self.matrix, self.target[:, None])
         self._squares = np.array([self.target[f] @ self.target[f] for f in self.folds])
+        self._normal, self._right = self._own.sum(axis=0), self._own_target.sum(axis=0)[:, 0]
 
     def __len__(self) -> int:
         return len(self.target)
 
     def of(self, columns: FloatArray) -> FloatArray:
         """The rows that count of columns (M, k) in all rows."""
-        return columns if len(self) == self._all else columns[self.keep]
+        return columns if len(self) == self._all else columns.take(self.keep, axis=0)
 
     @cached_property
     def basis(self) -> FloatArray:
@@ -165,8 +166,11 @@ class JointProblem:
         extra = np.zeros((len(self), 0)) if columns is None else columns
         size = sizes(extra)
         size = np.where(size > 0, size, 1.0)
-        both = np.column_stack([self.matrix, extra / size])
-        return np.asarray(_solved(both.T @ both, both.T @ self.target) / np.concatenate([self.norm, size]))
+        scaled = extra / size
+        across = self.matrix.T @ scaled
+        gram = np.block([[self._normal, across], [across.T, scaled.T @ scaled]])
+        right = np.concatenate([self._right, scaled.T @ self.target])
+        return np.asarray(_solved(gram, right) / np.concatenate([self.norm, size]))
 
     def drops(self, columns: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Fall (k,) of the squared residual with each of columns (N, k) fitted alone, and its coefficient (k,)."""

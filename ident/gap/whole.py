@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from joblib import Parallel, delayed
 
 from ident.arrays import BoolArray, FloatArray
 from ident.effects.base import Effect, Survey
@@ -96,7 +97,9 @@ def whole_effect(
     single = _likelihoods(problems, squares, best_single)
     affected = _gains(squares, best_single) > GAIN
     candidates = forms(survey, None, present)
-    tried = [_try(panel, problems, effect, _starts(panel, searches, effect), before) for effect in candidates]
+    tried: list[Whole | None] = Parallel(n_jobs=2, prefer="threads")(
+        delayed(_try)(panel, problems, effect, _starts(panel, searches, effect), before) for effect in candidates
+    )
     ranking = tuple(sorted((w for w in tried if w is not None), key=lambda w: -w.standing))
     for best in ranking:
         after = best.held_out.sum(axis=1)
@@ -221,7 +224,7 @@ def _starts(panel: Panel, searches: Sequence[Search], effect: Effect) -> list[Fl
 def _shown(panel: Panel, problem: JointProblem, effect: Effect, joint: int) -> list[FloatArray]:
     """Shapes of an effect that explain most of a joint's row, each column alone; none where none shows."""
     shapes = list(grid(effect.shapes))
-    columns = np.hstack([problem.of(panel.columns(effect, shape, joint)) for shape in shapes])
+    columns = np.hstack([problem.of(columns) for columns in panel.sweep(effect, shapes, joint)])
     each, found = (x.reshape(len(shapes), -1) for x in problem.drops(columns))
     positive = np.array([c.lower >= 0.0 for c in effect.coefficients(panel.robot)])
     drops = np.where(positive & (found < 0.0), 0.0, each).max(axis=1)

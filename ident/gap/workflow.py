@@ -245,7 +245,8 @@ class _Workflow:
         beside = self.fitted(self.model, terms)
         self.panel = self.panel.seen_by(replace(beside, terms=beside.terms[: -len(terms)]))
         self.survey = survey_of(self.model, self.panel)
-        return [search(self.panel, self.survey, one.gap) if one.joint in dependent else one for one in searches]
+        anew = iter(self.searches([one.gap for one in searches if one.joint in dependent]))
+        return [next(anew) if one.joint in dependent else one for one in searches]
 
     def known(self, wholes: Sequence[Whole]) -> list[Effect]:
         """Causes of the whole robot that the model has, and those found."""
@@ -345,7 +346,9 @@ class _Workflow:
         self.tell("settling names", 0.6)
         missing = untestable(self.panel, self.survey, causes.gaps, problems)
         terms = [finding.terms for finding in findings]
-        models = [self.fitted(self.model, list(chain(*terms[: k + 1]))) for k in range(len(terms))]
+        models: list[CurrentModel] = Parallel(n_jobs=2, prefer="threads")(
+            delayed(self.fitted)(self.model, list(chain(*terms[: k + 1]))) for k in range(len(terms))
+        )
         if models:
             findings = self.delivered(findings, models[-1])
         first, found_first = self.found_first()

@@ -301,6 +301,17 @@ def test_gradients_of_fuller_forms_are_central_differences(context, effect, shap
         np.testing.assert_allclose(gradient[s], slope, atol=1e-5 * np.abs(slope).max())
 
 
+@pytest.mark.parametrize("effect", [GearRipple(1), GearRipple(1, harmonics=2), Cogging(1), Stribeck(1), MaxwellSlip(1)])
+@pytest.mark.parametrize("even", [True, False])
+def test_a_sweep_gives_the_columns_at_each_shape(context, effect, even):
+    first = np.array([s.starts[0] for s in effect.shapes], dtype=float)
+    steps = np.arange(40) if even else np.arange(40) ** 1.5
+    shapes = first + 0.25 * steps[:, None] * np.ones(len(first))
+    together = np.array(list(effect.sweep(context, shapes)))
+    alone = np.array([effect.columns(context, shape, effect.start()) for shape in shapes])
+    np.testing.assert_allclose(together, alone, atol=1e-11)
+
+
 def test_a_searched_power_of_stribeck_friction_is_the_given_one(context):
     given, searched = Stribeck(1, power=1.3), Stribeck(1, power=None)
     columns = given.columns(context, np.array([0.05]), given.start())
