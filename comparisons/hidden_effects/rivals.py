@@ -38,6 +38,9 @@ TERMS = 10
 THRESHOLDS = (0.5, 0.2, 0.1, 0.05, 0.02, 0.01)
 """Thresholds of STLSQ, as shares of the residual's length; the one that predicts held-out rows best is taken."""
 
+DEPENDENT = 1e-6
+"""Length that columns before it must leave of a column of length one, or it says the same as they."""
+
 Chooser = Callable[[JointLibrary], list[int]]
 """Chooses candidates of a joint by number, the most important first."""
 
@@ -66,7 +69,8 @@ def frols(joint: JointLibrary) -> list[int]:
     """Choose terms by their error reduction ratio, as many as Akaike's criterion asks for.
 
     Billings 2013, "Nonlinear System Identification", ch. 3, as pysindy implements it: of sysidentpy, better known for
-    it, the newest release that pip accepts beside numpy 2.4 (0.2.0) fails on it. Columns of one effect count as one.
+    it, the newest release that pip accepts beside numpy 2.4 (0.2.0) fails on it. Columns of one effect count as one;
+    a column that others before it make up is left out, for pysindy breaks down on it.
     """
     from pysindy.optimizers import FROLS
 
@@ -74,6 +78,8 @@ def frols(joint: JointLibrary) -> list[int]:
     length = float(np.linalg.norm(y))
     if not used or length == 0.0:
         return []
+    own = np.abs(np.diag(np.linalg.qr(joint.matrix[:, used], mode="r"))) > DEPENDENT
+    used = np.array(used)[own].tolist()
     psi, target = joint.matrix[:, used], y / length
     chooser = FROLS(max_iter=min(TERMS, len(used) - 1), alpha=0.0, unbias=False) if len(used) > 1 else None
     order = [0] if chooser is None else _order(chooser, psi, target)

@@ -255,6 +255,13 @@ def test_rivals_choose_what_is_there(regression):
     assert sparse_regression(regression) == [3, 1]
 
 
+def test_frols_takes_a_column_that_says_the_same_once(regression):
+    pytest.importorskip("pysindy")
+    twice = np.hstack([regression.matrix, regression.matrix[:, 3:4]])
+    again = SimpleNamespace(**vars(regression) | {"matrix": twice, "owner": [*regression.owner, 6]})
+    assert frols(again)[:2] == [3, 1]
+
+
 def test_rivals_report_a_cause_of_the_whole_robot_once():
     names = [Name("delay", (0,)), Name("stribeck", (1,)), Name("delay", (2,))]
     assert _merged(names) == [Name("delay", ()), Name("stribeck", (1,))]
