@@ -72,7 +72,7 @@ class ThermalFriction(VelocityEffect):
 
     def summary(self, robot: Robot, shape: FloatArray, coefficients: FloatArray) -> dict[str, float | list[float]]:
         """Return the share of dry and viscous friction at the mean speed that is lost when warm, and the time."""
-        change = float(coefficients[0] + coefficients[1] * self.pace) * _change(1.0, float(shape[1]))
+        change = float((coefficients[0] + coefficients[1] * self.pace) * _change(1.0, float(shape[1])))
         return {"share": -change / max(abs(self.friction), 1e-12), "seconds": float(shape[0])}
 
 

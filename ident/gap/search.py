@@ -158,10 +158,17 @@ class Search(Beside):
     trials: tuple[Trial, ...]
     starts: dict[str, list[FloatArray]] = field(default_factory=dict)
 
+    @cached_property
+    def closest(self) -> Trial | None:
+        """The candidate that predicts held-out rows best."""
+        judged = ((t.errors.total, t) for t in self.trials if t.errors is not None)
+        return min(judged, key=lambda one: one[0], default=(0.0, None))[1]
+
     @property
     def best_error(self) -> float:
         """Smallest held-out squared residual of all candidates."""
-        return min((t.errors.total for t in self.trials if t.errors is not None), default=self.before.total)
+        best = self.closest
+        return self.before.total if best is None or best.errors is None else best.errors.total
 
     @cached_property
     def tolerated(self) -> float:

@@ -29,8 +29,8 @@ MAJORITY = 2.0 / 3.0
 ALONE = 0.8
 """Share of the gain in likelihood from which a cause shows on one joint alone: else others bear it out."""
 
-BEATS = 1.25
-"""What shows on one joint alone must explain this many times what the best effects of single joints do."""
+BEATS, NEARLY = 1.25, 0.98
+"""What shows on one joint alone must explain so many times what its best effect does; with fewer parameters, nearly."""
 
 TINY = 1e-300
 """In place of a nought that is divided by, such as the squared residual of a joint without rows that count."""
@@ -115,7 +115,8 @@ def whole_effect(
         if instead is not None and type(best.effect) is type(instead):
             shown = bool(likelihoods.sum() > single[instead.at])
         elif alone:
-            shown = bool(likelihoods[one] > BEATS * single[one]) and bool(np.all(best.held_out[one] <= before[one]))
+            enough = NEARLY if _simpler(best, searches[one].closest) else BEATS
+            shown = bool(likelihoods[one] > enough * single[one]) and bool(np.all(best.held_out[one] <= before[one]))
         else:
             shown = _rivals(likelihoods, single, affected)
         if shown and (alone or last):
@@ -125,7 +126,8 @@ def whole_effect(
             continue
         p_value = _p_value(panel, best, searches)
         if p_value <= LEVEL:
-            return replace(best, p_value=p_value, alternatives=_alternatives(best, ranking))
+            own = [(searches[j].closest, single[j], likelihoods[j]) for j in helped.tolist()] if alone else []
+            return replace(best, p_value=p_value, alternatives=_alternatives(best, ranking, own))
     return None
 
 
@@ -135,6 +137,11 @@ def _at_any_pace(panel: Panel, problems: Sequence[JointProblem], whole: Whole) -
     return agrees_at_any_pace(joints, IN_TIME)
 
 
+def _simpler(whole: Whole, single: Trial | None) -> bool:
+    """Whether a cause of the whole robot has fewer parameters than a joint's effect."""
+    return single is not None and len(whole.coefficients) + len(whole.shape) < single.columns + len(single.shape)
+
+
 def _rivals(likelihoods: FloatArray, single: FloatArray, affected: BoolArray) -> bool:
     """Whether it explains nearly what joints' best effects do, on most of the joints that lack something or in all."""
     # A joint may have a cause of its own besides.
@@ -142,13 +149,23 @@ def _rivals(likelihoods: FloatArray, single: FloatArray, affected: BoolArray) ->
     return bool(most or likelihoods.sum() >= SHARE * single.sum())
 
 
-def _alternatives(best: Whole, ranking: Sequence[Whole]) -> tuple[str, ...]:
-    """Names that explain nearly as much, or nearly so of a rival, whose laws are closer than either is to the truth."""
+def _alternatives(
+    best: Whole, ranking: Sequence[Whole], own: Sequence[tuple[Trial | None, float, float]]
+) -> tuple[str, ...]:
+    """Names that explain nearly as much, or nearly so of a rival, whose laws are closer than either is to the truth.
+
+    Args:
+        best: the cause that is named.
+        ranking: all that were tried.
+        own: joints' best effects instead, each with what it explains and what the cause does there.
+    """
+    tried = [(other.effect, other.likelihood, best.likelihood) for other in ranking]
+    tried += [(trial.effect, explained, by_best) for trial, explained, by_best in own if trial is not None]
     names = []
-    for other in ranking:
-        share = 1.0 - RIVAL_LAW if best.effect.rivals_with(other.effect) else LAW
-        if other.effect.name != best.effect.name and other.likelihood >= share * best.likelihood:
-            names.append(other.effect.name)
+    for other, explained, by_best in tried:
+        share = 1.0 - RIVAL_LAW if best.effect.rivals_with(other) else LAW
+        if other.name != best.effect.name and explained >= share * by_best:
+            names.append(other.name)
     return tuple(dict.fromkeys(names))
 
 
