@@ -18,6 +18,9 @@ if TYPE_CHECKING:
     from ident.robot import Robot
     from ident.signals import Motion
 
+SLOPE = 1e-4
+"""Angle [rad or m] over which the slope of the links' force is taken."""
+
 STEP = 1e-6
 """Relative step of the central differences that stand in for a gradient an effect does not give."""
 
@@ -106,6 +109,22 @@ class Context:
         """Inertia matrix (N, n, n) of the links, row j by those that row j uses; computed once."""
         return self.robot.rigid_body.mass_matrix(self.motion.q, self.needed("links", "inertia"))
 
+    def slope(self, joint: int) -> FloatArray:
+        """Return by how much the links' force (N, n) grows with a joint's angle; computed once a joint."""
+        if joint not in self._slopes:
+            links, motion = self.needed("links", "slope"), self.motion
+            sides = []
+            for side in (0.5 * SLOPE, -0.5 * SLOPE):
+                moved = motion.q.copy()
+                moved[:, joint] += side
+                sides.append(self.robot.rigid_body.inverse_dynamics(moved, motion.dq, motion.ddq, links))
+            self._slopes[joint] = (sides[0] - sides[1]) / SLOPE
+        return self._slopes[joint]
+
+    @cached_property
+    def _slopes(self) -> dict[int, FloatArray]:
+        return {}
+
 
 @dataclass(frozen=True)
 class Survey:
@@ -123,6 +142,7 @@ class Survey:
         rate: sampling rate [Hz].
         reach: range (n,) of the joints' positions [rad or m].
         holds: force (n,) that dry friction holds of a joint that stands, in the model's force unit.
+        cutoff: of the filter that derives velocity and acceleration [Hz].
     """
 
     robot: Robot
@@ -136,6 +156,7 @@ class Survey:
     rate: float
     reach: FloatArray
     holds: FloatArray
+    cutoff: float
 
 
 @dataclass(frozen=True)

@@ -223,14 +223,20 @@ class Elasticity(ToldAtLargest):
     own. It is taken for a wind-up of ``wound`` at the largest force and counts per unit of it: of as much it is exact,
     of any other it is the spring to first order in its compliance.
 
+    A soft spring rings as the link swings on it: its wind-up e is no longer the load over the stiffness, and follows
+    ``M e'' + D e' + (K + S) e = load`` (M the joint's own inertia, S by how much its load grows with its angle); what
+    all rows lack is the force of ``e''`` and ``e``, to first order.
+
     Attributes:
-        everywhere: whether it acts on all rows, with a fixed ``wound``, or on its own alone, where that is searched.
+        everywhere: whether it acts on all rows or on its own alone; without ringing, that has a fixed ``wound``.
         slow: whether the link only stands elsewhere, its speed and acceleration taken for the motor's: the load's
             derivatives are the positions' third and fourth, which in slow motion are noise.
+        rings: whether the link swings on the spring, or follows the load at once.
     """
 
     everywhere: bool = False
     slow: bool = False
+    rings: bool = False
 
     name = "elasticity"
     family = "transmission"
@@ -242,8 +248,9 @@ class Elasticity(ToldAtLargest):
     def candidates(cls, survey: Survey, joint: int | None) -> list[Effect]:
         """Try it on a joint's own row, and on all rows as a cause of the whole robot that one joint has."""
         if joint is None:
-            return [cls(k, float(x), True, slow) for k, x in enumerate(survey.largest) for slow in (False, True)]
-        return super().candidates(survey, joint)
+            forms = ((False, False), (True, False), (False, True))
+            return [cls(k, float(x), True, *form) for k, x in enumerate(survey.largest) for form in forms]
+        return [cls(joint, float(survey.largest[joint]), rings=rings) for rings in (False, True)]
 
     @property
     def acts_on(self) -> int | None:
@@ -252,21 +259,28 @@ class Elasticity(ToldAtLargest):
 
     @property
     def shapes(self) -> tuple[Shape, ...]:
-        """Return the wind-up at the largest force for which the links' force is computed."""
+        """Return the wind-up at the largest force, of a spring that rings as if at rest, and its damping ratio."""
+        if self.rings:
+            wound = Shape("wound", "{angle}", 1e-4, 1.0, tuple(np.geomspace(3e-4, 0.3, 10).tolist()), ends=(True, True))
+            return (wound, Shape("damping", "1", 0.005, 0.7, (0.05, 0.3), ends=(False, False)))
         if self.everywhere:
             return ()
         return (Shape("wound", "{angle}", 1e-4, 1.0, (1e-3, 1e-2, 0.1), ends=(False, True)),)
 
     def coefficients(self, robot: Robot) -> tuple[Coefficient, ...]:
-        """Return the wind-up at the largest force."""
-        return (Coefficient("wind_up", "{angle}", lower=0.0),)
+        """Return the wind-up at the largest force or, of a spring that rings, the link's share of the inertia."""
+        return (Coefficient("share", "1", lower=0.3) if self.rings else Coefficient("wind_up", "{angle}", lower=0.0),)
 
     def start(self) -> FloatArray:
-        """Return times and loads of the last samples, newest first, not known before."""
+        """Return times and loads of the last samples, newest first, or wind-up, its speed, last pull and time."""
+        if self.rings:
+            return np.array([0.0, 0.0, 0.0, np.nan])
         return np.zeros(0) if self.slow else np.full(2 * REMEMBERED, np.nan)
 
     def columns(self, context: Context, shape: FloatArray, memory: FloatArray) -> FloatArray:
-        """Return the change of the load by the wind-up, per unit of it."""
+        """Return the change of the load by the wind-up, per unit of it; of a spring that rings, the change."""
+        if self.rings:
+            return self._swung(context, shape, memory)
         wound = WOUND if self.everywhere else float(shape[0])
         links, joint, motion = context.needed("links", self.name), self.at, context.motion
         load = context.needed("load", self.name)
@@ -283,9 +297,59 @@ class Elasticity(ToldAtLargest):
         change: FloatArray = (carried - load) / wound
         return change[:, :, None] if self.everywhere else change[:, joint, None]
 
+    def _swung(self, context: Context, shape: FloatArray, memory: FloatArray) -> FloatArray:
+        """Return the change of the load as the link swings on its spring."""
+        joint, load = self.at, context.needed("load", self.name)[:, self.at]
+        inertia, slope = context.inertia[:, :, joint], context.slope(joint)
+        own = inertia[:, joint]  # of fitted links, which may be none that exist
+        real = own > 0.0
+        stiff = np.maximum(self.largest / float(shape[0]) + slope[:, joint], 0.0)
+        pull, square = (np.where(real, x / np.where(real, own, 1.0), 0.0) for x in (load, stiff))
+        wound, onward = _swings(np.ascontiguousarray(context.motion.t), pull, square, float(shape[1]), memory)
+        change: FloatArray = -(inertia * onward[:, None] + slope * wound[:, None])
+        return change[:, :, None] if self.everywhere else change[:, joint, None]
+
     def summary(self, robot: Robot, shape: FloatArray, coefficients: FloatArray) -> dict[str, float | list[float]]:
-        """Return the stiffness."""
+        """Return the stiffness and, of a spring that rings, its damping ratio."""
+        if self.rings:
+            return {"stiffness": float(self.largest / shape[0] * coefficients[0]), "damping": float(shape[1])}
         return {"stiffness": float(self.largest / coefficients[0]) if coefficients[0] else float("inf")}
+
+
+FASTEST = 2.0
+"""Radians a sample by which a spring may ring; a stiffer one is as good as at rest."""
+
+
+@compiled
+def _swings(
+    t: FloatArray, pull: FloatArray, square: FloatArray, damping: float, memory: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Wind-up (N,) of an oscillator, its angular frequency squared ``square`` (N,), and the acceleration of that.
+
+    Exact for a pull that is linear between samples.
+    """
+    out, onward = np.zeros(len(t)), np.zeros(len(t))
+    wound, speed, before, last = memory[0], memory[1], memory[2], memory[3]
+    for k in range(len(t)):
+        if square[k] <= 0.0:
+            wound, speed = 0.0, 0.0
+        elif np.isnan(last):
+            wound, speed = pull[k] / square[k], 0.0
+        else:
+            step = t[k] - last
+            turn = min(np.sqrt(square[k]), FASTEST / step)
+            slope, rest = (pull[k] - before) / step / turn**2, before / turn**2
+            late = 2.0 * damping / turn * slope
+            off, speed = wound - rest + late, speed - slope
+            swing, fade = turn * np.sqrt(1.0 - damping**2), np.exp(-damping * turn * step)
+            sine, cosine = np.sin(swing * step), np.cos(swing * step)
+            wound = rest + slope * step - late + fade * (off * cosine + (speed + damping * turn * off) / swing * sine)
+            speed = slope + fade * (speed * cosine - (damping * turn * speed + turn**2 * off) / swing * sine)
+            onward[k] = pull[k] - 2.0 * damping * turn * speed - turn**2 * wound
+        out[k] = wound
+        before, last = pull[k], t[k]
+    memory[0], memory[1], memory[2], memory[3] = wound, speed, before, last
+    return out, onward
 
 
 @compiled

@@ -10,6 +10,7 @@ from threadpoolctl import threadpool_limits
 from ident.arrays import FloatArray, IntArray
 from ident.compiled import compiled
 from ident.effects.base import Survey
+from ident.gap.counts import counted_acceleration, counted_force
 from ident.gap.panel import Panel
 
 PLAY = (5e-4, 5e-3, 5e-2)
@@ -87,13 +88,13 @@ def signals(panel: Panel, survey: Survey, joint: int) -> tuple[list[str], FloatA
     """Names and values (N, k) of what a joint's residual may depend on."""
     n, own = panel.robot.n, joint + 1
     q, dq = panel.gather(lambda b: b.motion.q), panel.velocity
-    ddq = panel.gather(lambda b: b.motion.ddq)
-    load = panel.seen("load")
+    ddq = _coarse(panel.gather(lambda b: b.motion.ddq)[:, joint], counted_acceleration(panel, survey, joint))
+    load = _coarse(panel.seen("load")[:, joint], counted_force(panel, survey, joint))
     columns = [(f"q{k + 1}", q[:, k]) for k in range(n)] + [(f"dq{k + 1}", dq[:, k]) for k in range(n)]
     columns += [
         (f"sign(dq{own})", np.tanh(dq[:, joint] / survey.smoothing[joint])),
-        (f"ddq{own}", ddq[:, joint]),
-        (f"load{own}", load[:, joint]),
+        (f"ddq{own}", ddq),
+        (f"load{own}", load),
         ("t", panel.gather(lambda b: b.motion.t)),
     ]
     for width in PLAY:
@@ -103,6 +104,11 @@ def signals(panel: Panel, survey: Survey, joint: int) -> tuple[list[str], FloatA
         ]
         columns.append((f"history of q{own}", np.concatenate(states)))
     return [name for name, _ in columns], np.column_stack([values for _, values in columns])
+
+
+def _coarse(signal: FloatArray, noise: float) -> FloatArray:
+    """A signal (N,) in steps beyond its noise, which a residual holds as what the model predicts of it."""
+    return np.round(signal / (2.0 * noise)) * (2.0 * noise) if noise > 0.0 else signal
 
 
 @compiled

@@ -11,6 +11,7 @@ from ident.arrays import BoolArray, FloatArray
 from ident.effects.base import Survey
 from ident.gap.abstain import explainable
 from ident.gap.constancy import inconstancy
+from ident.gap.counts import counted_force
 from ident.gap.gate import FAST, MOVING
 from ident.gap.joint_gap import JointGap, Named, classes_of, starts_of
 from ident.gap.memory import remembered
@@ -101,7 +102,8 @@ def unexplained(
     if slow > WORTH_SAYING:
         return [Unexplained((gap.joint,), ("t (wanders)",), slow)]
     line = _line(panel, problem, gap.joint)
-    if line is not None:
+    feigned = 0.5 * counted_force(panel, survey, gap.joint) ** 2 / max(float(np.mean(problem.residual**2)), 1e-300)
+    if line is not None and line[1] > max(WORTH_SAYING, feigned):
         return [Unexplained((gap.joint,), (f"t ({line[0]:.2g} Hz)",), line[1])]
     uneven = _uneven(panel, problem, gap.joint, mistimed[problem.keep])
     if uneven is not None:

@@ -62,6 +62,7 @@ def survey_of(model: CurrentModel, panel: Panel) -> Survey:
         model.rate,
         np.ptp(position, axis=0),
         _holds(model),
+        model.cutoff,
     )
 
 

@@ -86,7 +86,14 @@ def test_gradients_are_central_differences(context, name, start):
 
 
 @pytest.mark.parametrize(
-    "effect", [*map(acting, sorted(CATALOGUE)), Elasticity(1, everywhere=True), Backlash(1, flies=True)]
+    "effect",
+    [
+        *map(acting, sorted(CATALOGUE)),
+        Elasticity(1, everywhere=True),
+        Elasticity(1, rings=True),
+        Elasticity(1, everywhere=True, rings=True),
+        Backlash(1, flies=True),
+    ],
 )
 @pytest.mark.parametrize("size", [1, 7, 150])
 def test_memory_makes_blocks_as_good_as_the_whole(context, effect, size):
@@ -310,6 +317,41 @@ def test_a_sweep_gives_the_columns_at_each_shape(context, effect, even):
     together = np.array(list(effect.sweep(context, shapes)))
     alone = np.array([effect.columns(context, shape, effect.start()) for shape in shapes])
     np.testing.assert_allclose(together, alone, atol=1e-11)
+
+
+@pytest.mark.parametrize("hertz", [4.0, 9.0])
+def test_a_link_swings_on_its_spring_as_two_masses_do(arm, hertz):
+    # The pendulum at the end of a chain whose first joint stands: its weight bends the spring, too.
+    t = np.arange(800) / 200.0
+    angle = CubicSpline(t, np.stack([np.full_like(t, 0.3), 0.5 * np.sin(2.0 * t) + 0.1 * np.sin(11.0 * t)], axis=1))
+    q, dq, ddq = angle(t), angle(t, 1), angle(t, 2)
+    links = np.tile(arm.multibody.parameters, (2, 1))
+
+    def force(q, dq, ddq):
+        return arm.rigid_body.inverse_dynamics(*(np.atleast_2d(x) for x in (q, dq, ddq)), links)
+
+    inertia = float(arm.rigid_body.mass_matrix(q[:1], links)[0, 1, 1])
+    stiffness, damping = inertia * (2.0 * np.pi * hertz) ** 2, 0.1
+    drag = 2.0 * damping * np.sqrt(stiffness * inertia)
+
+    def swing(s, y):
+        # The link, at y behind the motor, moves as spring and damper make it.
+        carried = stiffness * y[0] + drag * y[1]
+        behind, slower = np.array([0.0, y[0]]), np.array([0.0, y[1]])
+        rest = force(angle(s) - behind, angle(s, 1) - slower, np.zeros(2))[0, 1]
+        return [y[1], angle(s, 2)[1] - (carried - rest) / inertia]
+
+    load = force(q, dq, ddq)
+    begun = [load[0, 1] / stiffness, 0.0]
+    wound = solve_ivp(swing, (0.0, t[-1]), begun, t_eval=t, rtol=1e-8, atol=1e-10).y
+    carried = stiffness * wound[0] + drag * wound[1]
+    effect = Elasticity(1, float(np.abs(load[:, 1]).max()), rings=True)
+    context = Context(arm, Motion(t, q, dq, ddq), load, links)
+    told = effect.columns(context, np.array([effect.largest / stiffness, damping]), effect.start())[:, 0]
+    lacks = carried - load[:, 1]
+    assert np.abs(lacks).max() > 0.03 * np.abs(load[:, 1]).max()
+    later = t > 1.0  # how the spring begins is not known
+    np.testing.assert_allclose(told[later], lacks[later], atol=0.05 * np.abs(lacks).max())
 
 
 def test_a_searched_power_of_stribeck_friction_is_the_given_one(context):

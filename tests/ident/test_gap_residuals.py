@@ -1,15 +1,20 @@
 """What the gap workflow tells of residuals alone: significance, lines, memory, wandering, agreement at rest."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 from scipy.signal import lfilter
 
 from ident.gap.agreement import IN_TIME, Predicted, agrees, agrees_at_any_pace
+from ident.gap.counts import counted_acceleration
 from ident.gap.gate import Gate, surrogates
 from ident.gap.memory import remembered
 from ident.gap.problem import JointProblem
 from ident.gap.spectrum import spectral_line
 from ident.gap.wander import wandering
+from ident.log import JointLog
+from ident.signals import derive
 
 
 def test_what_fits_the_rests_alone_does_not_agree():
@@ -126,3 +131,15 @@ def test_a_fold_none_of_whose_rows_counts_is_one_still():
         assert errors.held_out.shape == (4,)
         assert errors.held_out[2] == 0.0
         assert np.all(errors.held_out[[0, 1, 3]] > 500.0)
+
+
+@pytest.mark.parametrize("share", [0.02, 0.98])
+def test_counts_feign_an_acceleration_of_that_size_at_constant_speed(share):
+    rate, cutoff, count = 250.0, 15.0, 5e-5
+    t = np.arange(2000) / rate
+    counts = np.where(t < 1.0, 0.3 * rate * t, (11.0 + share) * rate * (t - 1.0) + 75.0)
+    q = np.floor(counts)[:, None] * count
+    log = JointLog(t=t, q=q, current=np.zeros_like(q))
+    feigned = np.abs(derive(log, cutoff).ddq[600:-400]).max()
+    panel, survey = SimpleNamespace(blocks=[SimpleNamespace(log=log)]), SimpleNamespace(cutoff=cutoff)
+    assert feigned < counted_acceleration(panel, survey, 0) < 10.0 * feigned

@@ -1,0 +1,28 @@
+"""What the counts of a joint's encoder feign where they pass the filter of the derivatives.
+
+At the speeds that cross nearly whole counts from sample to sample, the staircase of counts is aliased to frequencies
+below the cut-off. Its first harmonic is a count over pi: a model that sees it predicts a force that is not there.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ident.effects.base import Survey
+from ident.gap.panel import Panel
+
+ROUNDING = 1e-9
+"""Positions [rad or m] that differ by less are the same."""
+
+
+def counted_acceleration(panel: Panel, survey: Survey, joint: int) -> float:
+    """Largest acceleration [rad/s^2 or m/s^2] that a joint's counts feign; of positions without any, about nought."""
+    steps = np.diff(np.unique(np.concatenate([block.log.q[:, joint] for block in panel.blocks])))
+    count = float(np.min(steps, where=steps > ROUNDING, initial=np.inf))
+    return (2.0 * np.pi * survey.cutoff) ** 2 * count / np.pi if np.isfinite(count) else 0.0
+
+
+def counted_force(panel: Panel, survey: Survey, joint: int) -> float:
+    """Force that a joint's links would need for that acceleration, in the model's force unit."""
+    inertia = np.median(np.concatenate([context.inertia[:, joint, joint] for context in panel.contexts]))
+    return abs(float(inertia)) * counted_acceleration(panel, survey, joint)
