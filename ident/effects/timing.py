@@ -80,7 +80,9 @@ class Delay(_Timing):
 
     def columns(self, context: Context, shape: FloatArray, memory: FloatArray) -> FloatArray:
         """Return minus the mean rate of the total over the span."""
-        rate = _mean_rate(context.motion.t, self.signal(context), float(shape[0]), memory)
+        # Within a sample all spans say the same to the last digit: a search would follow round-off.
+        span = max(float(shape[0]), self.sample)
+        rate = _mean_rate(context.motion.t, self.signal(context), span, memory)
         return -rate if self.joint is not None else -rate[:, :, None]
 
 

@@ -100,7 +100,7 @@ def whole_effect(
     tried: list[Whole | None] = Parallel(n_jobs=2, prefer="threads")(
         delayed(_try)(panel, problems, effect, _starts(panel, searches, effect), before) for effect in candidates
     )
-    ranking = tuple(sorted((w for w in tried if w is not None), key=lambda w: -w.standing))
+    ranking = _ranked([w for w in tried if w is not None])
     for best in ranking:
         after = best.held_out.sum(axis=1)
         gains = _gains(squares, after)
@@ -129,6 +129,20 @@ def whole_effect(
             own = [(searches[j].closest, single[j], likelihoods[j]) for j in helped.tolist()] if alone else []
             return replace(best, p_value=p_value, alternatives=_alternatives(best, ranking, own))
     return None
+
+
+def _ranked(tried: Sequence[Whole]) -> tuple[Whole, ...]:
+    """Causes, best first; of rivals whose laws explain about the same, what explains more with any coefficients.
+
+    No law is exact, nor is the model beside it: small errors of it must not choose between a delay and a filter.
+    """
+    ranking = sorted(tried, key=lambda w: -w.standing)
+    for k in range(len(ranking) - 1):
+        first, second = ranking[k : k + 2]
+        close = first.effect.rivals_with(second.effect) and second.standing >= LAW * first.standing
+        if close and second.likelihood > first.likelihood:
+            ranking[k : k + 2] = second, first
+    return tuple(ranking)
 
 
 def _at_any_pace(panel: Panel, problems: Sequence[JointProblem], whole: Whole) -> bool:

@@ -160,6 +160,9 @@ def test_a_delay_over_a_span_of_its_own_length_is_exact(vs060):
     np.testing.assert_allclose(total + whole, late, atol=1e-9)
     first_order = Delay(4).columns(context, np.array([0.001]), Delay(4).start())[1:, 0]
     np.testing.assert_allclose(first_order, -np.diff(total[:, 4]) / 0.002, atol=1e-9)
+    # To the last digit whatever the span, so that no search follows round-off.
+    within = [Delay(4, 0.002).columns(context, np.array([s]), Delay(4).start()) for s in (0.001, 0.0013)]
+    np.testing.assert_array_equal(*within)
 
 
 def test_all_of_the_current_comes_late():

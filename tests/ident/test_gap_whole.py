@@ -5,7 +5,10 @@ import pytest
 from scipy.interpolate import CubicSpline
 from scipy.spatial.transform import Rotation
 
+from ident.effects.attached import Payload
+from ident.effects.timing import Delay, FilterLag
 from ident.gap import baseline_model, find_gap
+from ident.gap.whole import Whole, _ranked
 from ident.log import JointLog
 from ident.robot import load_robot
 
@@ -56,3 +59,14 @@ def test_a_tilt_that_an_upright_joint_alone_shows_comes_before_springs_of_it(cra
     assert (one.effect, one.joints) == ("base-tilt", ())
     assert one.alternatives == ("gravity-balancer",)
     assert (one.parameters["roll"], one.parameters["pitch"]) == pytest.approx(tilt, rel=0.05)
+
+
+@pytest.mark.parametrize(("standing", "first"), [(99.0, "delay"), (90.0, "filter-lag")])
+def test_small_errors_of_a_model_do_not_choose_between_a_delay_and_a_filter(standing, first):
+    def whole(effect, standing, likelihood):
+        return Whole(effect, np.zeros(1), np.zeros(1), np.zeros((1, 4)), likelihood, standing)
+
+    delay, lag = whole(Delay(None), standing, 103.0), whole(FilterLag(None), 100.0, 102.0)
+    payload = whole(Payload(None), 99.5, 104.0)
+    assert _ranked([delay, lag])[0].effect.name == first
+    assert _ranked([payload, lag])[0] is lag
