@@ -19,6 +19,9 @@ from ident.model import CurrentModel
 SMOOTHINGS = np.geomspace(3e-4, 1e-2, 12)
 """Speeds [rad/s or m/s] over which the sign of velocity may turn; beyond, it is an effect of its own (sigmoid)."""
 
+TOLD = 0.05
+"""Share by which a joint's mean squared error in motion must be larger with another smoothing for motion to tell."""
+
 
 @dataclass(frozen=True, eq=False)
 class Smoothed:
@@ -54,9 +57,10 @@ def smoothed(model: CurrentModel, sources: Sequence[LogSource], rests: Rests) ->
 
 
 def _smoothing(model: CurrentModel, panel: Panel, counts: BoolArray, joint: int) -> tuple[float, float]:
-    """The smoothing that predicts all of a joint's rows best, fitted to those that count, whose held-out error follows.
+    """The smoothing that predicts best, fitted to the rows that count, and their held-out error with it.
 
-    Rests that do not count still tell how well the sign is predicted as the joint creeps.
+    Of those between which these rows do not tell, the one that predicts all best: rests that do not count still tell
+    how well the sign is predicted as the joint creeps, but what is held there is no friction.
     """
     own = [t for t in model.terms if t.effect.acts_on in (None, joint)]
     friction = next((t.effect for t in own if isinstance(t.effect, Coulomb)), None)
@@ -67,6 +71,8 @@ def _smoothing(model: CurrentModel, panel: Panel, counts: BoolArray, joint: int)
         laws = [(width, replace(friction, smoothing=width)) for width in SMOOTHINGS.tolist()]
         columns = [(width, panel.columns(law, np.zeros(0), joint)) for width, law in laws]
         tried = [(width, replace(rows, matrix=np.hstack([rows.matrix, c]))) for width, c in columns]
-    width, best = min(tried, key=lambda one: float(np.sum(one[1].everywhere(panel) ** 2)))
-    problem = best.problem(panel)
-    return width, max(problem.errors().total / len(problem), 1e-300)
+    problems = [one.problem(panel) for _, one in tried]
+    moving = np.array([float(problem.residual @ problem.residual) for problem in problems])
+    likely = np.flatnonzero(moving <= (1.0 + TOLD) * moving.min()).tolist()
+    best = min(likely, key=lambda k: float(np.sum(tried[k][1].everywhere(panel) ** 2)))
+    return tried[best][0], max(problems[best].errors().total / len(problems[best]), 1e-300)

@@ -1,10 +1,14 @@
 """Joints that stick: what dry friction holds while they stand bends no fit, hides no effect and is none."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 
+from ident.effects.electrical import CurrentOffset
+from ident.effects.friction import Coulomb
 from ident.fit import Drives, fit
-from ident.gap import baseline_model, find_gap
+from ident.gap import baseline_model, find_gap, smoothing
 from ident.gap import rests as rests_module
 from ident.gap.evidence import evidence
 from ident.gap.rests import Rests, find_rests, stands
@@ -257,3 +261,22 @@ def test_where_nearly_all_joints_stick_the_others_do(vs060, monkeypatch, recorde
         assert found.may.sum() == 6
         others = set(range(6)) - set(hidden)
         assert set(found.joints) == (set(range(6)) if len(hidden) == 1 else others)
+
+
+def test_what_is_held_at_rest_does_not_say_how_the_sign_turns_in_motion():
+    # A joint that creeps both ways, no row slower than 3 mrad/s, and rests, at which the sign is any.
+    rng = np.random.default_rng(1)
+    speed = np.concatenate([np.tile([0.004, -0.004, 0.01, -0.01], 300), np.full(800, 1e-3)])
+    force = np.where(np.arange(2000) < 1200, np.sign(speed), 0.1) + 0.02 * rng.standard_normal(2000)
+    fold = np.arange(2000) % 4
+    panel = SimpleNamespace(
+        velocity=speed[:, None],
+        force=force[:, None],
+        fold=fold,
+        columns=lambda effect, shape, joint: (
+            np.tanh(speed / effect.smoothing)[:, None] if effect.name == "coulomb" else np.ones((2000, 1))
+        ),
+    )
+    terms = [SimpleNamespace(effect=e, shape=np.zeros(0)) for e in (CurrentOffset(0), Coulomb(0))]
+    width, _ = smoothing._smoothing(SimpleNamespace(terms=terms), panel, np.arange(2000) < 1200, 0)
+    assert width < 2e-3
