@@ -20,9 +20,12 @@ CONTRADICTS = 1.1
 SUSPECTS = 3
 """Joints that are tried, those of the largest contradiction first."""
 
-OWN, ALL = 0.8, 0.5
-"""Share of a joint's contradiction, in squares, and of that of all joints together, that its gain must account for
-(1.0 and .9 where one was 19 % wrong; up to .5 and .15 in logs of arms whose gains are right)."""
+ONE, ALL = 0.8, 0.5
+"""Share of its joint's contradiction, in squares, or of the largest, and of all joints' together, that a gain must
+account for (1.0 and .9 where one was 19 % wrong; up to .5 and .15 in logs of arms whose gains are right)."""
+
+UNDECIDED = 0.95
+"""Share of what the best gain accounts for from which on another joint's may as well be the wrong one."""
 
 SATURATES = 1.1
 """How many times as much iron that saturates may account for: links bend to it, and others' gains with them."""
@@ -58,19 +61,24 @@ def wrong_gain(
 
     def fallen(effect: DriveGain | TorqueSaturation) -> tuple[Term, FloatArray]:
         """An effect fitted besides, and by how much the contradictions are smaller with it."""
-        tried = fitted(model, [initial_term(effect)])
-        return tried.terms[-1], before - contradiction(tried, panel.seen_by(tried))
+        beside = fitted(model, [initial_term(effect)])
+        return beside.terms[-1], before - contradiction(beside, panel.seen_by(beside))
 
     before = contradiction(model, panel)
     if before.max() < CONTRADICTS**2 - 1.0:
         return None
     present = [term.effect for term in model.terms]
+    # A wrong gain may contradict the joints that carry the same links more than its own: the one that all agree with.
     suspects: list[int] = np.argsort(-before)[:SUSPECTS].tolist()
-    for joint in suspects:
-        if DriveGain(joint) in present:
-            continue
-        gain, falls = fallen(DriveGain(joint))
-        if falls[joint] >= OWN * before[joint] and falls.sum() >= ALL * before.sum():
-            iron = (fallen(TorqueSaturation(j, float(survey.largest[j])))[1].sum() for j in suspects)
-            return None if any(other > SATURATES * falls.sum() for other in iron) else gain
-    return None
+    tried = [fallen(DriveGain(joint)) for joint in suspects if DriveGain(joint) not in present]
+    if not tried:
+        return None
+    totals = np.array([falls.sum() for _, falls in tried])
+    (gain, falls), most = tried[int(totals.argmax())], float(totals.max())
+    accounted = (falls / np.maximum(before, 1e-300))[[gain.effect.at, suspects[0]]].max()
+    if accounted < ONE or most < ALL * before.sum():
+        return None
+    if np.sum(totals >= UNDECIDED * most) > 1:
+        return None
+    iron = (fallen(TorqueSaturation(j, float(survey.largest[j])))[1].sum() for j in suspects)
+    return None if any(other > SATURATES * most for other in iron) else gain

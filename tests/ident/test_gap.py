@@ -441,6 +441,28 @@ def test_a_joint_whose_iron_saturates_makes_no_other_gain_wrong(monkeypatch, iro
     assert (None if gain is None else gain.effect.joint) == found
 
 
+@pytest.mark.parametrize(("second", "found"), [((1.02, 1.03, 1.03), 2), ((1.02, 1.0, 1.005), None)])
+def test_the_wrong_gain_is_the_one_with_which_all_joints_agree(monkeypatch, second, found):
+    # The links that the third joint's wrong gain bends are those that the second carries: it contradicts more.
+    rms = {None: (1.02, 1.2, 1.03), ("drive-gain", 1): second, ("drive-gain", 2): (1.02, 1.0, 1.0)}
+
+    def left(tried, panel):
+        last = tried.terms[-1].effect if tried.terms else None
+        return np.ones((9, 3)) * rms.get(None if last is None else (last.name, last.joint), rms[None])
+
+    monkeypatch.setattr(torque_constant, "left_by", left)
+    bare = SimpleNamespace(problem=lambda panel: SimpleNamespace(residual=np.ones(9)))
+    gaps = [SimpleNamespace(bare=lambda: bare, keep=np.arange(9), joint=j) for j in range(3)]
+    gain = torque_constant.wrong_gain(
+        SimpleNamespace(force_unit="N m", n=3, terms=()),
+        SimpleNamespace(seen_by=lambda tried: None),
+        SimpleNamespace(largest=np.ones(3)),
+        gaps,
+        lambda model, terms: SimpleNamespace(terms=(*model.terms, *terms)),
+    )
+    assert (None if gain is None else gain.effect.joint) == found
+
+
 def test_a_delay_that_shows_on_one_joint_most_is_borne_out_by_the_others(arm):
     def late(seed):
         log = record(arm, seed)
