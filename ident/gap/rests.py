@@ -20,7 +20,7 @@ from ident.gap.panel import Panel
 from ident.gap.rows import gap_of, panel_of, survey_of
 from ident.gap.spectrum import spectral_line
 from ident.gap.touch import row_step
-from ident.gap.unsure import shaken
+from ident.gap.unsure import shaken, turning
 from ident.log import LogSource
 from ident.model import CurrentModel
 from ident.walk import Block
@@ -56,8 +56,9 @@ HELD = 2.0
 RATTLES, QUIETER = 2.0, 0.25
 """What dry friction holds is quiet: its noise is at most this many times that in motion, told by a quarter of rows."""
 
-SWINGS, HUNTS = 0.7, 0.15
-"""Where a drive hunts, share of what rests hold that is not the mean of each, and share of that in one line."""
+SWINGS, HUNTS, PERIODS = 0.7, 0.15, 2.0
+"""Where a drive hunts, share of what rests hold that is not the mean of each, share of that in one line, and periods of
+that line in a rest: with fewer the line tells how long rests last."""
 
 EXPLAINED = 0.9
 """Share of the rests' squares that an effect must explain for them to tell of it."""
@@ -152,7 +153,8 @@ def rests_of(model: CurrentModel, panel: Panel, survey: Survey) -> Rests:
     speed = np.minimum(STANDS, OF_MEAN * survey.pace)
     around = AROUND / model.cutoff
     rests = panel.gather(lambda block: stands(block, speed, around))
-    noise = np.minimum(shaken(model, panel, survey), survey.holds)
+    # Where a joint starts and stops the filter's smear looks like noise, but there its sign no longer turns.
+    noise = np.where(turning(panel, survey), np.minimum(shaken(model, panel, survey), survey.holds), 0.0)
     lasting = panel.gather(lambda block: lasts(block, speed)).sum(axis=0)
     stops = lasting > MOSTLY * (np.abs(panel.velocity) < speed).sum(axis=0)
     share = rests.mean(axis=0)
@@ -196,8 +198,13 @@ def _hunts(panel: Panel, left: FloatArray, rest: BoolArray) -> bool:
     swings = _without_levels(panel, left, rest)
     if np.mean(swings[rest] ** 2) < SWINGS * np.mean(left[rest] ** 2):
         return False
-    line = spectral_line(swings, panel.start, row_step(panel))
-    return line is not None and line[1] > HUNTS
+    step = row_step(panel)
+    line = spectral_line(swings, panel.start, step)
+    if line is None or line[1] <= HUNTS:
+        return False
+    number = _numbered(panel, rest)
+    lasts_for = step * np.average(np.bincount(number)[number], weights=swings**2)
+    return bool(line[0] * lasts_for >= PERIODS)
 
 
 def _without_levels(panel: Panel, left: FloatArray, rest: BoolArray) -> FloatArray:

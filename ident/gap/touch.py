@@ -33,6 +33,10 @@ takes up whatever is smaller than itself, and that is no touch unless another jo
 RAREST = 0.25
 """Touches fill at most this share of the time, and half of the motion; what is there more often is no touch."""
 
+PASSES, AGAIN, MOSTLY = 3, 0.5, 0.75
+"""Other passes through where a joint was touched that must be known; what is there again in this share of its size in
+most of them is the joint's own (a worn tooth): no touch comes back with an angle."""
+
 RINGS = 4
 """Times that what looks like a touch changes sides, one soon after the other, from which on it rings untouched."""
 
@@ -110,6 +114,11 @@ def find_touches(panel: Panel, survey: Survey, residuals: FloatArray, named: Flo
     for j, a, b in _pieces(bursts, edges):
         others = np.delete(bursts[a:b], j, axis=1).any(axis=1)
         touched[a:b, j] = (sure[a:b, j] | others).mean() > 0.5
+    position = panel.gather(lambda block: block.motion.q)
+    for j, a, b in list(_pieces(touched, edges)):
+        free = (residuals[:, j] != 0.0) & ~still[:, j]
+        if _comes_back(position[:, j], residuals[:, j], free, edges, a, b):
+            touched[a:b, j] = False
     for j, a, b in _ringing(np.abs(averaged) > 0.5 * least, averaged, edges, margin):
         touched[a:b, j] = False
     share = touched.mean(axis=0)
@@ -137,6 +146,32 @@ def _pieces(marked: BoolArray, edges: IntArray) -> Iterator[tuple[int, int, int]
         for first, end in itertools.pairwise(edges.tolist()):
             for (rows,) in find_objects(label(marked[first:end, j])[0]):
                 yield j, first + rows.start, first + rows.stop
+
+
+def _comes_back(
+    position: FloatArray, residual: FloatArray, moving: BoolArray, edges: IntArray, first: int, end: int
+) -> bool:
+    """Whether a joint's residual (N,) between two rows is there again whenever it moves through those positions (N,).
+
+    A joint that stands passes through none, and is not asked.
+
+    Args:
+        position: the joint's.
+        residual: the joint's.
+        moving: rows (N,) that are known and in which it moves.
+        edges: rows with which blocks begin and end.
+        first: the first of the rows.
+        end: the end of them.
+    """
+    signed = residual * np.sign(residual[first:end].mean())
+    # The averaging drags its ends out.
+    own = first + np.flatnonzero(signed[first:end] >= signed[first:end].mean())
+    if moving[own].mean() <= 0.5:
+        return False
+    inside = moving & (position >= position[own].min()) & (position <= position[own].max())
+    inside[first:end] = False
+    passes = np.array([signed[a:b].mean() for _, a, b in _pieces(inside[:, None], edges)])
+    return len(passes) >= PASSES and float(np.mean(passes > AGAIN * signed[own].mean())) >= MOSTLY
 
 
 def _ringing(large: BoolArray, averaged: FloatArray, edges: IntArray, margin: int) -> Iterator[tuple[int, int, int]]:

@@ -25,7 +25,7 @@ from ident.gap.rows import panel_of
 from ident.gap.search import Search
 from ident.gap.settle import next_experiment
 from ident.gap.smoothing import Smoothed
-from ident.gap.touch import find_touches
+from ident.gap.touch import _pieces, find_touches
 from ident.gap.velocity_lag import velocity_lag
 from ident.identification import identify
 from ident.log import JointLog
@@ -578,6 +578,22 @@ def test_a_burst_is_held_against_what_is_usual_in_motion(arm, monkeypatch):
     residuals[2200:2250, 1] -= 0.5
     residuals[2510:2560, 1] += 1.2
     assert find_touches(panel, survey, residuals, nothing).episodes == 1
+
+
+def test_what_comes_back_with_an_angle_is_no_touch(arm):
+    log, rng = record(arm, 1), np.random.default_rng(0)
+    model = baseline_model(arm, [log])
+    panel = panel_of(model, [log])
+    survey = SimpleNamespace(smoothing=np.full(2, 2e-3), holds=np.array([0.5, 0.3]))
+    nothing, noise = np.zeros((len(panel), 2)), 0.01 * rng.standard_normal((len(panel), 2))
+    q = panel.gather(lambda block: block.motion.q)[:, 1]
+    tooth = np.abs(q - np.quantile(q, 0.8)) < 0.06
+    _, first, end = max(_pieces(tooth[:, None], np.array([0, len(q)])), key=lambda one: one[2] - one[1])
+    passed = np.arange(len(q))
+    once = noise + 1.0 * ((passed >= first) & (passed < end))[:, None] * np.array([0.0, 1.0])
+    assert find_touches(panel, survey, once, nothing).episodes == 1
+    often = noise + 1.0 * tooth[:, None] * np.array([0.0, 1.0])
+    assert find_touches(panel, survey, often, nothing).episodes == 0
 
 
 def test_what_rings_is_no_touch(arm):

@@ -11,7 +11,8 @@ from ident.fit import Drives, fit
 from ident.gap import baseline_model, find_gap, smoothing
 from ident.gap import rests as rests_module
 from ident.gap.evidence import evidence
-from ident.gap.rests import Rests, find_rests, stands
+from ident.gap.rests import Rests, _hunts, find_rests, stands
+from ident.gap.rows import panel_of, survey_of
 from ident.identification import identify
 from ident.log import JointLog
 from ident.signals import Motion
@@ -280,3 +281,27 @@ def test_what_is_held_at_rest_does_not_say_how_the_sign_turns_in_motion():
     terms = [SimpleNamespace(effect=e, shape=np.zeros(0)) for e in (CurrentOffset(0), Coulomb(0))]
     width, _ = smoothing._smoothing(SimpleNamespace(terms=terms), panel, np.arange(2000) < 1200, 0)
     assert width < 2e-3
+
+
+def test_noise_of_the_velocity_counts_only_where_the_sign_turns(arm, monkeypatch):
+    train = logs(arm)
+    model = baseline_model(arm, train)
+    panel = panel_of(model, train)
+    survey, seen = survey_of(model, panel), []
+    monkeypatch.setattr(
+        rests_module, "_sticks", lambda panel, survey, gap, rest, noise, times: seen.append(noise) or False
+    )
+    monkeypatch.setattr(rests_module, "shaken", lambda model, panel, survey: np.ones((len(panel), 2)))
+    rests_module.rests_of(model, panel, survey)
+    turns = np.abs(panel.velocity) < 3.0 * survey.smoothing
+    np.testing.assert_array_equal(np.stack(seen[:2], axis=1) > 0.0, turns)
+
+
+@pytest.mark.parametrize(("hertz", "hunts"), [(1.2, False), (3.3, True)])
+def test_a_drive_hunts_more_than_once_in_a_rest(monkeypatch, hertz, hunts):
+    # Friction that holds what an integrator builds up swings once in each rest.
+    monkeypatch.setattr(rests_module, "row_step", lambda panel: 1.0 / RATE)
+    t = np.arange(6000) / RATE
+    rest = t % 3.0 < 1.0
+    left = np.where(rest, np.sin(2 * np.pi * hertz * t), 0.0)
+    assert _hunts(SimpleNamespace(start=np.array([0])), left, rest) == hunts
