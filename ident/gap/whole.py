@@ -152,8 +152,10 @@ def _at_any_pace(panel: Panel, problems: Sequence[JointProblem], whole: Whole) -
 
 
 def _simpler(whole: Whole, single: Trial | None) -> bool:
-    """Whether a cause of the whole robot has fewer parameters than a joint's effect."""
-    return single is not None and len(whole.coefficients) + len(whole.shape) < single.columns + len(single.shape)
+    """Whether a cause of the whole robot has fewer parameters than a joint's effect, which is of another law."""
+    if single is None or single.effect.name == whole.effect.name:
+        return False
+    return len(whole.coefficients) + len(whole.shape) < single.columns + len(single.shape)
 
 
 def _rivals(likelihoods: FloatArray, single: FloatArray, affected: BoolArray) -> bool:
