@@ -1,4 +1,4 @@
-"""What several test files share: where the robots and the measured logs are."""
+"""What several test files share: where the robots and the measured logs are, and cards of robots made for a test."""
 
 from collections.abc import Callable
 from importlib.metadata import files
@@ -47,6 +47,19 @@ def arm_joints() -> Callable[[str], list[str] | None]:
 def measured() -> Callable[[str], Path]:
     """Path of a measured log under shared/data; the test is skipped where it is not there."""
     return lambda name: _present(MEASURED / name)
+
+
+@pytest.fixture(scope="session")
+def write_card(tmp_path_factory: pytest.TempPathFactory) -> Callable[..., Path]:
+    """Write a robot's URDF and a card that names it into a new folder, ``lines`` below; the path of the card."""
+
+    def write(name: str, urdf: str, *lines: str) -> Path:
+        card = tmp_path_factory.mktemp(name) / "robot.toml"
+        card.with_name(f"{name}.urdf").write_text(urdf)
+        card.write_text("\n".join([f'name = "{name}"', f'urdf = "{name}.urdf"', *lines, ""]))
+        return card
+
+    return write
 
 
 @pytest.fixture

@@ -23,11 +23,8 @@ CRANK = """<robot name="crank"><link name="base"/><link name="arm"><inertial><or
 
 
 @pytest.fixture(scope="module")
-def robot(tmp_path_factory):
-    folder = tmp_path_factory.mktemp("crank")
-    (folder / "crank.urdf").write_text(CRANK)
-    (folder / "robot.toml").write_text('name = "crank"\nurdf = "crank.urdf"\ncurrent_unit = "A"\n')
-    return folder / "robot.toml"
+def robot(write_card):
+    return write_card("crank", CRANK, 'current_unit = "A"')
 
 
 @pytest.fixture(scope="module")

@@ -1,6 +1,7 @@
 """Small motions and logs on which identification is tested."""
 
 from collections.abc import Callable
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -62,9 +63,6 @@ def recorded(vs060: Robot, swinging: Callable[..., Motion]) -> Callable[..., Joi
 
 
 @pytest.fixture(scope="session")
-def arm(tmp_path_factory: pytest.TempPathFactory) -> Robot:
+def arm(write_card: Callable[..., Path]) -> Robot:
     """Two links that two joints turn in a plane."""
-    folder = tmp_path_factory.mktemp("arm")
-    (folder / "arm.urdf").write_text(ARM)
-    (folder / "robot.toml").write_text('name = "arm"\nurdf = "arm.urdf"\ncurrent_unit = "A"\n')
-    return load_robot(folder / "robot.toml")
+    return load_robot(write_card("arm", ARM, 'current_unit = "A"'))

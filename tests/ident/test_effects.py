@@ -130,10 +130,8 @@ def test_what_an_effect_replaces_and_its_rivals_exist(name):
         assert replaced != name
 
 
-def test_units_on_a_prismatic_axis(tmp_path):
-    (tmp_path / "slide.urdf").write_text(SLIDE)
-    (tmp_path / "robot.toml").write_text('name = "slide"\nurdf = "slide.urdf"\ncurrent_unit = "A"\n')
-    robot = load_robot(tmp_path / "robot.toml")
+def test_units_on_a_prismatic_axis(write_card):
+    robot = load_robot(write_card("slide", SLIDE, 'current_unit = "A"'))
     effect = RotorInertia(0)
     for force, unit in ((NEWTON_METRE, "N s^2/m"), ("A", "A s^2/m")):
         model = CurrentModel(robot, (), 5.0, 100.0, np.ones(1), force)
@@ -201,11 +199,10 @@ def test_a_spring_leaves_the_motor_what_the_links_need_where_they_are(vs060):
     np.testing.assert_allclose(change, stood, atol=0.08 * np.abs(stood).max())  # first order
 
 
-def test_a_direct_drive_has_poles_and_no_gear(tmp_path, vs060):
-    (tmp_path / "arm.urdf").write_text(vs060.urdf.read_text())
-    card = f'name = "direct"\nurdf = "arm.urdf"\njoints = {list(vs060.joints)}\n[drive]\ngear_ratio = {[1.0] * 6}\n'
-    (tmp_path / "robot.toml").write_text(card)
-    survey = SimpleNamespace(robot=load_robot(tmp_path / "robot.toml"), reach=np.full(6, 2.0))
+def test_a_direct_drive_has_poles_and_no_gear(write_card, vs060):
+    lines = f"joints = {list(vs060.joints)}", "[drive]", f"gear_ratio = {[1.0] * 6}"
+    robot = load_robot(write_card("direct", vs060.urdf.read_text(), *lines))
+    survey = SimpleNamespace(robot=robot, reach=np.full(6, 2.0))
     assert GearRipple.candidates(survey, 2) == []
     (poles,) = Cogging.candidates(survey, 2)
     (repeats,) = poles.shapes

@@ -24,12 +24,9 @@ CRANE = """<robot name="crane"><link name="base"/>
 
 
 @pytest.fixture(scope="module")
-def crane(tmp_path_factory):
+def crane(write_card):
     """A boom on an upright column."""
-    folder = tmp_path_factory.mktemp("crane")
-    (folder / "crane.urdf").write_text(CRANE)
-    (folder / "robot.toml").write_text('name = "crane"\nurdf = "crane.urdf"\ncurrent_unit = "A"\n')
-    return load_robot(folder / "robot.toml")
+    return load_robot(write_card("crane", CRANE, 'current_unit = "A"'))
 
 
 def record(crane, seed, tilt=(0.0, 0.0)):

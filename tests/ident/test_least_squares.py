@@ -62,11 +62,9 @@ def test_factors_block_by_block_solve_the_dense_problem(design, log):
 
 
 @pytest.mark.parametrize("noise", [(0.02, 0.02), (5e-4, 0.02)])
-def test_what_an_angle_of_six_figures_tells_apart_is_not_told(tmp_path, swinging, noise):
+def test_what_an_angle_of_six_figures_tells_apart_is_not_told(write_card, swinging, noise):
     """Two axes at a right angle, but for the rounding of 1.5708: the second link's inertia and rotor are one factor."""
-    (tmp_path / "arm.urdf").write_text(CROSSED)
-    (tmp_path / "robot.toml").write_text('name = "crossed"\nurdf = "arm.urdf"\ncurrent_unit = "N*m"\n')
-    robot, motion = load_robot(tmp_path / "robot.toml"), swinging(n=2)
+    robot, motion = load_robot(write_card("crossed", CROSSED, 'current_unit = "N*m"')), swinging(n=2)
     torque = robot.rigid_body.inverse_dynamics(motion.q, motion.dq, motion.ddq, robot.multibody.parameters)
     torque += np.array([0.1, 0.2]) * motion.ddq + np.array(noise) * np.random.default_rng(1).normal(size=torque.shape)
     log = JointLog(motion.t, motion.q, torque, name="log")

@@ -35,15 +35,9 @@ URDF = """<robot name="pair"><link name="base"/>
 <limit lower="-1" upper="1.5" velocity="3" effort="10"/></joint></robot>"""
 
 
-def make_robot(folder, mapping=""):
-    (folder / "pair.urdf").write_text(URDF)
-    (folder / "robot.toml").write_text(f'name = "pair"\nurdf = "pair.urdf"\n{mapping}')
-    return load_robot(folder / "robot.toml")
-
-
 @pytest.fixture
-def robot(tmp_path):
-    return make_robot(tmp_path)
+def robot(write_card):
+    return load_robot(write_card("pair", URDF))
 
 
 @pytest.fixture
@@ -100,10 +94,10 @@ def test_csv_of_other_programs(tmp_path, robot):
     assert log.current.tolist() == [[1.0, 2.0], [1.0, 2.0]]
 
 
-def mapped(tmp_path, listed):
+def mapped(write_card, listed):
     position = '["a", "b"]' if listed else '"angles"'
     current = '["c", "d"]' if listed else '"amps"'
-    return make_robot(tmp_path, MAPPING.format(position=position, current=current))
+    return load_robot(write_card("pair", URDF, MAPPING.format(position=position, current=current)))
 
 
 def assert_mapped(log):
@@ -113,8 +107,8 @@ def assert_mapped(log):
     assert log.dq is None or np.allclose(log.dq, [[0.2, 0.4]] * 3)
 
 
-def test_mapped_names_and_scales_in_csv_and_parquet(tmp_path):
-    robot = mapped(tmp_path, listed=True)
+def test_mapped_names_and_scales_in_csv_and_parquet(tmp_path, write_card):
+    robot = mapped(write_card, listed=True)
     columns = {"ms": [0, 10, 20], "a": [1.0] * 3, "b": [0.5] * 3, "c": [3.0] * 3, "d": [4.0] * 3}
     pyarrow.parquet.write_table(pa.table(columns), tmp_path / "a.parquet")
     lines = [",".join(columns), *(",".join(map(str, row)) for row in zip(*columns.values(), strict=True))]
@@ -123,8 +117,8 @@ def test_mapped_names_and_scales_in_csv_and_parquet(tmp_path):
         assert_mapped(open_log(tmp_path / f"a{suffix}", robot).read())
 
 
-def test_mapped_arrays_in_npz_mat_and_parquet(tmp_path):
-    robot = mapped(tmp_path, listed=False)
+def test_mapped_arrays_in_npz_mat_and_parquet(tmp_path, write_card):
+    robot = mapped(write_card, listed=False)
     arrays = {
         "ms": np.array([0.0, 10.0, 20.0]),
         "angles": np.array([[1.0, 0.5]] * 3),
@@ -140,18 +134,16 @@ def test_mapped_arrays_in_npz_mat_and_parquet(tmp_path):
         assert_mapped(log)
 
 
-def test_one_card_reads_foreign_logs_and_converted_ones(tmp_path, log):
-    robot = mapped(tmp_path, listed=False)
+def test_one_card_reads_foreign_logs_and_converted_ones(tmp_path, write_card, log):
+    robot = mapped(write_card, listed=False)
     for suffix in (".csv", ".parquet"):
         write_log(log, tmp_path / f"made{suffix}")
         assert_same(open_log(tmp_path / f"made{suffix}", robot).read(), log)
 
 
-def test_converted_parquet_is_not_scaled_again_when_the_card_maps_contract_names(tmp_path, log):
-    robot = make_robot(
-        tmp_path,
-        '[log]\ntime = "t"\nposition = ["q1", "q2"]\ncurrent = ["i1", "i2"]\nscale = { current = -1.0 }',
-    )
+def test_converted_parquet_is_not_scaled_again_when_the_card_maps_contract_names(tmp_path, write_card, log):
+    mapping = '[log]\ntime = "t"\nposition = ["q1", "q2"]\ncurrent = ["i1", "i2"]\nscale = { current = -1.0 }'
+    robot = load_robot(write_card("pair", URDF, mapping))
     write_log(log, tmp_path / "made.parquet")
     assert np.array_equal(open_log(tmp_path / "made.parquet", robot).read().current, log.current)
     write_log(log, tmp_path / "made.csv")
@@ -245,9 +237,9 @@ def test_the_topic_that_carries_the_joints_is_chosen(tmp_path, robot):
     assert_bag(open_log(tmp_path / "rec", robot).read())
 
 
-def test_bag_joints_may_be_named_by_the_card_and_effort_is_scaled(tmp_path):
+def test_bag_joints_may_be_named_by_the_card_and_effort_is_scaled(tmp_path, write_card):
     mapping = '[log]\ntime = "t"\nposition = ["A", "B"]\ncurrent = "effort"\nscale = { current = -1.0 }'
-    robot = make_robot(tmp_path, mapping)
+    robot = load_robot(write_card("pair", URDF, mapping))
     write_bag(tmp_path / "rec", {"/arm": ("B", "A")})
     log = open_log(tmp_path / "rec", robot).read()
     assert np.allclose(log.current, -np.arange(20)[:, None] * [1, 2])
@@ -324,7 +316,7 @@ measured = pytest.mark.skipif(not DATA.is_dir(), reason="the measured logs are n
 UR_JOINTS = "shoulder_pan shoulder_lift elbow wrist_1 wrist_2 wrist_3"
 
 
-def measured_robot(tmp_path, joints, mapping=""):
+def measured_robot(write_card, joints, mapping=""):
     """A chain of joints with generous limits: enough of a robot to read a log."""
     parts, parent = ['<robot name="chain"><link name="base"/>'], "base"
     for name in joints:
@@ -333,14 +325,12 @@ def measured_robot(tmp_path, joints, mapping=""):
         parts.append(f'<joint name="{name}" type="revolute"><parent link="{parent}"/><child link="{name}_link"/>')
         parts.append('<axis xyz="0 0 1"/><limit lower="-16" upper="16" velocity="4" effort="1"/></joint>')
         parent = f"{name}_link"
-    (tmp_path / "chain.urdf").write_text("\n".join([*parts, "</robot>"]))
-    (tmp_path / "chain.toml").write_text(f'name = "chain"\nurdf = "chain.urdf"\n{mapping}')
-    return load_robot(tmp_path / "chain.toml")
+    return load_robot(write_card("chain", "\n".join([*parts, "</robot>"]), mapping))
 
 
 @measured
-def test_ur10_bag_takes_its_own_time(tmp_path):
-    robot = measured_robot(tmp_path, [f"{name}_joint" for name in UR_JOINTS.split()])
+def test_ur10_bag_takes_its_own_time(write_card):
+    robot = measured_robot(write_card, [f"{name}_joint" for name in UR_JOINTS.split()])
     log = open_log(DATA / "ur10_unisa" / "ur10_exciting_trajectory.db3", robot).read()
     assert len(log) == 3441
     assert log.rate == pytest.approx(125.0)
@@ -350,24 +340,24 @@ def test_ur10_bag_takes_its_own_time(tmp_path):
 
 
 @measured
-def test_panda_bag(tmp_path):
-    robot = measured_robot(tmp_path, [f"fer_joint{k}" for k in range(1, 8)])
+def test_panda_bag(write_card):
+    robot = measured_robot(write_card, [f"fer_joint{k}" for k in range(1, 8)])
     log = open_log(DATA / "ur10_unisa" / "panda_exciting_trajectory.db3", robot).read()
     assert (len(log), log.n) == (727, 7)
     assert log.rate == pytest.approx(30.0, abs=0.01)
 
 
 @measured
-def test_ur3_mat_is_the_middle_of_its_bag(tmp_path):
+def test_ur3_mat_is_the_middle_of_its_bag(write_card):
     mapping = """[log]
 time = "mt"
 position = "mq"
 velocity = "mdq"
 current = "mtorque"
 scale = { current = -1.0 }"""
-    mat = open_log(DATA / "ur3_aspectum" / "id1.mat", measured_robot(tmp_path, list("abcdef"), mapping)).read()
+    mat = open_log(DATA / "ur3_aspectum" / "id1.mat", measured_robot(write_card, list("abcdef"), mapping)).read()
     names = '["Base", "Shoulder", "Elbow", "Wrist 1", "Wrist 2", "Wrist 3"]'
-    robot = measured_robot(tmp_path, list("abcdef"), mapping.replace('"mq"', names))
+    robot = measured_robot(write_card, list("abcdef"), mapping.replace('"mq"', names))
     bag = open_log(DATA / "ur3_aspectum" / "id1.bag", robot).read()
     assert (len(mat), len(bag)) == (5200, 5941)
     start = int(np.searchsorted(bag.t, mat.t[0] - 0.004))
@@ -377,7 +367,7 @@ scale = { current = -1.0 }"""
 
 
 @measured
-def test_lwr_npz(tmp_path):
+def test_lwr_npz(write_card):
     mapping = """[log]
 time = "times"
 position = "positions"
@@ -385,7 +375,7 @@ velocity = "velocities"
 acceleration = "accelerations"
 current = "torques\""""
     log = open_log(
-        DATA / "kuka_lwr4_flobaroid" / "measurements_3.npz", measured_robot(tmp_path, list("abcdefg"), mapping)
+        DATA / "kuka_lwr4_flobaroid" / "measurements_3.npz", measured_robot(write_card, list("abcdefg"), mapping)
     ).read()
     assert (len(log), log.n) == (5027, 7)
     assert log.ddq is not None
@@ -393,14 +383,14 @@ current = "torques\""""
 
 
 @measured
-def test_emps_mat_with_its_external_force(tmp_path):
+def test_emps_mat_with_its_external_force(write_card):
     mapping = """[log]
 time = "t"
 position = "qm"
 current = "vir"
 tau_ext = "pulses_N"
 scale = { current = 35.1507, tau_ext = 35.1507 }"""
-    robot = measured_robot(tmp_path, ["x"], mapping)
+    robot = measured_robot(write_card, ["x"], mapping)
     pulses = open_log(DATA / "emps" / "DATA_EMPS_PULSES.mat", robot).read()
     assert pulses.tau_ext is not None
     assert np.max(pulses.tau_ext) == pytest.approx(175.8, abs=0.1)

@@ -36,12 +36,9 @@ def chosen(structure, joint):
 
 
 @pytest.fixture(scope="module")
-def arm(tmp_path_factory):
+def arm(write_card):
     """Two joints, so that a search takes a second."""
-    folder = tmp_path_factory.mktemp("arm")
-    (folder / "arm.urdf").write_text(URDF)
-    (folder / "robot.toml").write_text('name = "arm"\nurdf = "arm.urdf"\ncurrent_unit = "A"\n')
-    return load_robot(folder / "robot.toml")
+    return load_robot(write_card("arm", URDF, 'current_unit = "A"'))
 
 
 @pytest.fixture(scope="module")

@@ -25,12 +25,9 @@ TWO_LINKS = """<robot name="two_link"><link name="base"/>
 
 
 @pytest.fixture
-def two_link(tmp_path: Path) -> Robot:
+def two_link(write_card: Callable[..., Path]) -> Robot:
     """The two-link arm of ext_observer's own test, gravity along -y, torques for currents."""
-    (tmp_path / "arm.urdf").write_text(TWO_LINKS)
-    card = tmp_path / "robot.toml"
-    card.write_text('name = "two_link"\nurdf = "arm.urdf"\ncurrent_unit = "N*m"\ngravity = [0.0, -9.81, 0.0]\n')
-    return load_robot(card)
+    return load_robot(write_card("two_link", TWO_LINKS, 'current_unit = "N*m"', "gravity = [0.0, -9.81, 0.0]"))
 
 
 @pytest.fixture(scope="session")

@@ -37,13 +37,11 @@ def read(path: Path) -> JointLog:
 
 
 @pytest.fixture(scope="module")
-def model(measured: Callable[[str], Path], tmp_path_factory: pytest.TempPathFactory) -> CurrentModel:
-    folder = tmp_path_factory.mktemp("emps")
-    (folder / "emps.urdf").write_text(SLIDER)
-    (folder / "robot.toml").write_text('name = "emps"\nurdf = "emps.urdf"\ncurrent_unit = "N"\n')
+def model(measured: Callable[[str], Path], write_card: Callable[..., Path]) -> CurrentModel:
+    robot = load_robot(write_card("emps", SLIDER, 'current_unit = "N"'))
     log = read(measured("emps/DATA_EMPS.mat"))
     effects = [Links(None), Coulomb(0), Viscous(0), CurrentOffset(0)]
-    return fit(load_robot(folder), effects, [log], 60.0, Drives(np.ones(1), "N m")).model
+    return fit(robot, effects, [log], 60.0, Drives(np.ones(1), "N m")).model
 
 
 def through_the_observer(model: CurrentModel, log: JointLog) -> FloatArray:

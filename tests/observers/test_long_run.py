@@ -41,11 +41,8 @@ PENDULUM = """<robot name="pendulum"><link name="base"/>
 
 
 @pytest.fixture(scope="module")
-def pendulum(tmp_path_factory: pytest.TempPathFactory) -> Robot:
-    folder: Path = tmp_path_factory.mktemp("pendulum")
-    (folder / "pendulum.urdf").write_text(PENDULUM)
-    (folder / "robot.toml").write_text('name = "pendulum"\nurdf = "pendulum.urdf"\ncurrent_unit = "N*m"\n')
-    return load_robot(folder)
+def pendulum(write_card: Callable[..., Path]) -> Robot:
+    return load_robot(write_card("pendulum", PENDULUM, 'current_unit = "N*m"'))
 
 
 @pytest.fixture(scope="module")
