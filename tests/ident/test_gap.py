@@ -12,7 +12,7 @@ from ident.card import Drive
 from ident.effects import load_catalogue
 from ident.effects.friction import Coulomb, Stribeck
 from ident.fit import Drives, fit
-from ident.gap import baseline, baseline_model, belief, find_gap, torque_constant
+from ident.gap import baseline, baseline_model, belief, find_gap
 from ident.gap.candidates import Trial, kind_of
 from ident.gap.edge import edge_columns, with_less_edge
 from ident.gap.experiment import Joined, Question, separating, with_motion
@@ -417,50 +417,6 @@ def test_a_wrong_torque_constant_is_told_by_the_links_that_rows_share(arm):
     np.testing.assert_allclose(found.evidence.after, NOISE * np.array([1.0, 1.15]), rtol=0.1)
     # The map shows it: rows fitted one joint at a time would bend their links to it and leave noise.
     assert np.nanmax(found.map_before.rms / found.map_after.rms) > 1.2
-
-
-@pytest.mark.parametrize(("iron", "found"), [(1.0, None), (1.55, 1)])
-def test_a_joint_whose_iron_saturates_makes_no_other_gain_wrong(monkeypatch, iron, found):
-    # RMS that is left on three joints, the third's iron saturating: shared links pass it on to the second.
-    rms = {None: (1.0, 1.2, 1.9), ("drive-gain", 1): (1.0, 1.0, 1.5), ("torque-saturation", 2): (1.0, 1.05, iron)}
-
-    def left(tried, panel):
-        last = tried.terms[-1].effect if tried.terms else None
-        key = None if last is None else (last.name, last.joint)
-        return np.ones((9, 3)) * rms.get(key, rms[None])
-
-    monkeypatch.setattr(torque_constant, "left_by", left)
-    bare = SimpleNamespace(problem=lambda panel: SimpleNamespace(residual=np.ones(9)))
-    gaps = [SimpleNamespace(bare=lambda: bare, keep=np.arange(9), joint=j) for j in range(3)]
-    model = SimpleNamespace(force_unit="N m", n=3, terms=())
-    panel = SimpleNamespace(seen_by=lambda tried: None)
-    survey = SimpleNamespace(largest=np.ones(3))
-    gain = torque_constant.wrong_gain(
-        model, panel, survey, gaps, lambda model, terms: SimpleNamespace(terms=(*model.terms, *terms))
-    )
-    assert (None if gain is None else gain.effect.joint) == found
-
-
-@pytest.mark.parametrize(("second", "found"), [((1.02, 1.03, 1.03), 2), ((1.02, 1.0, 1.005), None)])
-def test_the_wrong_gain_is_the_one_with_which_all_joints_agree(monkeypatch, second, found):
-    # The links that the third joint's wrong gain bends are those that the second carries: it contradicts more.
-    rms = {None: (1.02, 1.2, 1.03), ("drive-gain", 1): second, ("drive-gain", 2): (1.02, 1.0, 1.0)}
-
-    def left(tried, panel):
-        last = tried.terms[-1].effect if tried.terms else None
-        return np.ones((9, 3)) * rms.get(None if last is None else (last.name, last.joint), rms[None])
-
-    monkeypatch.setattr(torque_constant, "left_by", left)
-    bare = SimpleNamespace(problem=lambda panel: SimpleNamespace(residual=np.ones(9)))
-    gaps = [SimpleNamespace(bare=lambda: bare, keep=np.arange(9), joint=j) for j in range(3)]
-    gain = torque_constant.wrong_gain(
-        SimpleNamespace(force_unit="N m", n=3, terms=()),
-        SimpleNamespace(seen_by=lambda tried: None),
-        SimpleNamespace(largest=np.ones(3)),
-        gaps,
-        lambda model, terms: SimpleNamespace(terms=(*model.terms, *terms)),
-    )
-    assert (None if gain is None else gain.effect.joint) == found
 
 
 def test_a_delay_that_shows_on_one_joint_most_is_borne_out_by_the_others(arm):
