@@ -102,8 +102,7 @@ def unexplained(
     if slow > WORTH_SAYING:
         return [Unexplained((gap.joint,), ("t (wanders)",), slow)]
     line = _line(panel, problem, gap.joint)
-    feigned = 0.5 * counted_force(panel, survey, gap.joint) ** 2 / max(float(np.mean(problem.residual**2)), 1e-300)
-    if line is not None and line[1] > max(WORTH_SAYING, feigned):
+    if line is not None and line[1] > max(WORTH_SAYING, _feigned(panel, survey, problem, gap.joint)):
         return [Unexplained((gap.joint,), (f"t ({line[0]:.2g} Hz)",), line[1])]
     uneven = _uneven(panel, problem, gap.joint, mistimed[problem.keep])
     if uneven is not None:
@@ -134,6 +133,11 @@ def _line(panel: Panel, problem: JointProblem, joint: int) -> tuple[float, float
             if line is not None:
                 return line
     return None
+
+
+def _feigned(panel: Panel, survey: Survey, problem: JointProblem, joint: int) -> float:
+    """Share of a problem's squared residual that a line may have which the encoder's counts feign."""
+    return 0.5 * counted_force(panel, survey, joint) ** 2 / max(float(np.mean(problem.residual**2)), 1e-300)
 
 
 def _uneven(panel: Panel, problem: JointProblem, joint: int, mistimed: FloatArray) -> tuple[str, float] | None:

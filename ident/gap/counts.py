@@ -1,4 +1,4 @@
-"""What the counts of a joint's encoder feign where they pass the filter of the derivatives.
+"""An encoder's counts, and what they feign where they pass the filter of the derivatives.
 
 At the speeds that cross nearly whole counts from sample to sample, the staircase of counts is aliased to frequencies
 below the cut-off. Its first harmonic is a count over pi: a model that sees it predicts a force that is not there.
@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from ident.arrays import FloatArray
 from ident.effects.base import Survey
 from ident.gap.panel import Panel
 
@@ -15,11 +16,19 @@ ROUNDING = 1e-9
 """Positions [rad or m] that differ by less are the same."""
 
 
+def encoder_counts(q: FloatArray) -> FloatArray:
+    """Return the least step (n,) between any two of the positions (N, n); nought of a joint that stands still."""
+    counts = np.zeros(q.shape[1])
+    for joint, positions in enumerate(q.T):
+        steps = np.diff(np.unique(positions))
+        counts[joint] = np.min(steps[steps > ROUNDING], initial=np.inf)
+    return np.where(np.isfinite(counts), counts, 0.0)
+
+
 def counted_acceleration(panel: Panel, survey: Survey, joint: int) -> float:
     """Largest acceleration [rad/s^2 or m/s^2] that a joint's counts feign; of positions without any, about nought."""
-    steps = np.diff(np.unique(np.concatenate([block.log.q[:, joint] for block in panel.blocks])))
-    count = float(np.min(steps, where=steps > ROUNDING, initial=np.inf))
-    return (2.0 * np.pi * survey.cutoff) ** 2 * count / np.pi if np.isfinite(count) else 0.0
+    count = float(encoder_counts(np.concatenate([block.log.q[:, [joint]] for block in panel.blocks]))[0])
+    return (2.0 * np.pi * survey.cutoff) ** 2 * count / np.pi
 
 
 def counted_force(panel: Panel, survey: Survey, joint: int) -> float:

@@ -8,6 +8,7 @@ from scipy.ndimage import maximum_filter1d, uniform_filter1d
 from ident.arrays import BoolArray, FloatArray
 from ident.effects.base import Survey
 from ident.effects.friction import Coulomb
+from ident.gap.counts import encoder_counts
 from ident.gap.panel import Panel
 from ident.model import CurrentModel
 from ident.signals import derivative_noise, derive
@@ -109,8 +110,7 @@ def velocity_noise(model: CurrentModel, block: Block) -> FloatArray:
 def _counted(block: Block, cutoff: float) -> FloatArray:
     """Standard deviation (N, n) of velocities of which the encoder's counts come more slowly than the cut-off."""
     steps = np.abs(np.diff(block.log.q, axis=0, prepend=block.log.q[:1]))
-    # A count and none are as likely at half a count a period; positions that are never the same twice have no counts.
-    count = np.min(np.where(steps > 0.0, steps, np.inf), axis=0)
+    # A count and none are as likely at half a count a period.
+    speed = 0.5 * encoder_counts(block.log.q) * cutoff
     near = maximum_filter1d(steps, 2 * max(1, round(block.log.rate / cutoff)) + 1, axis=0) > 0.0
-    speed = np.where(np.isfinite(count), 0.5 * count * cutoff, 0.0)
     return np.asarray(np.where(near & (np.abs(block.motion.dq) < 2.0 * speed), speed, 0.0))

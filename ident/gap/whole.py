@@ -6,7 +6,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from joblib import Parallel, delayed
 
 from ident.arrays import BoolArray, FloatArray
 from ident.effects.base import Effect, Survey
@@ -19,6 +18,7 @@ from ident.gap.panel import Panel
 from ident.gap.problem import JointProblem, gain
 from ident.gap.search import GAIN, LEVEL, RIVAL_LAW, Search, falls
 from ident.gap.settle import LAW
+from ident.gap.threads import in_threads
 
 SHARE = 0.85
 """Share of what the best effects of single joints explain, together, that one cause of the whole robot must."""
@@ -97,9 +97,7 @@ def whole_effect(
     single = _likelihoods(problems, squares, best_single)
     affected = _gains(squares, best_single) > GAIN
     candidates = forms(survey, None, present)
-    tried: list[Whole | None] = Parallel(n_jobs=2, prefer="threads")(
-        delayed(_try)(panel, problems, effect, _starts(panel, searches, effect), before) for effect in candidates
-    )
+    tried = in_threads(lambda e: _try(panel, problems, e, _starts(panel, searches, e), before), candidates)
     ranking = _ranked([w for w in tried if w is not None])
     for best in ranking:
         after = best.held_out.sum(axis=1)

@@ -8,7 +8,6 @@ from functools import cached_property
 from itertools import chain
 
 import numpy as np
-from joblib import Parallel, delayed
 from threadpoolctl import threadpool_limits
 
 from ident.arrays import BoolArray, FloatArray
@@ -32,6 +31,7 @@ from ident.gap.rests import Rests, no_rests, rests_of, slipless
 from ident.gap.rows import gap_of, held_of, left_by, panel_of, survey_of
 from ident.gap.search import Search, search
 from ident.gap.settle import alternatives, next_experiment
+from ident.gap.threads import in_threads
 from ident.gap.torque_constant import wrong_gain
 from ident.gap.touch import Touches, find_touches, undisturbed
 from ident.gap.unsure import mistimed, turning, unsure_rows
@@ -261,10 +261,7 @@ class _Workflow:
 
     def attributed(self, searches: Sequence[Search]) -> list[Search]:
         """Every joint's search beside its own causes, from those with nothing named."""
-        found: list[Search] = Parallel(n_jobs=2, prefer="threads")(
-            delayed(attribute)(self.panel, self.survey, first) for first in searches
-        )
-        return found
+        return in_threads(lambda first: attribute(self.panel, self.survey, first), searches)
 
     def whole_beside(self, plain: Sequence[Search], full: Sequence[Search], present: Sequence[Effect]) -> Whole | None:
         """A cause of the whole robot that shows only once joints' own causes are known, or that one was taken for.
@@ -292,10 +289,7 @@ class _Workflow:
                 yield [*full[:j], without, *full[j + 1 :]], left_out.effect
 
     def searches(self, gaps: Sequence[JointGap]) -> list[Search]:
-        found: list[Search] = Parallel(n_jobs=2, prefer="threads")(
-            delayed(search)(self.panel, self.survey, gap) for gap in gaps
-        )
-        return found
+        return in_threads(lambda gap: search(self.panel, self.survey, gap), gaps)
 
     def gap(self, panel: Panel, joint: int) -> JointGap:
         """The joint's rows: the model's columns if it is refitted, else what it leaves; of one that sticks no rests."""
@@ -346,9 +340,7 @@ class _Workflow:
         self.tell("settling names", 0.6)
         missing = untestable(self.panel, self.survey, causes.gaps, problems)
         terms = [finding.terms for finding in findings]
-        models: list[CurrentModel] = Parallel(n_jobs=2, prefer="threads")(
-            delayed(self.fitted)(self.model, list(chain(*terms[: k + 1]))) for k in range(len(terms))
-        )
+        models = in_threads(lambda k: self.fitted(self.model, list(chain(*terms[: k + 1]))), range(len(terms)))
         if models:
             findings = self.delivered(findings, models[-1])
         first, found_first = self.found_first()
