@@ -7,6 +7,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from ident.robot import Robot, load_robot
+
 MEASURED = Path(__file__).parents[2] / "shared" / "data"
 
 # robots of the example-robot-data wheel, by the names the tests use
@@ -47,6 +49,12 @@ def arm_joints() -> Callable[[str], list[str] | None]:
 def measured() -> Callable[[str], Path]:
     """Path of a measured log under shared/data; the test is skipped where it is not there."""
     return lambda name: _present(MEASURED / name)
+
+
+@pytest.fixture(scope="session")
+def vs060() -> Robot:
+    """The built-in robot."""
+    return load_robot("vs060")
 
 
 @pytest.fixture(scope="session")

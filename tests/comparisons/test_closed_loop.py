@@ -10,14 +10,9 @@ from comparisons.virtual_robot.scenario import Scenario, load_scenario
 from ident.arrays import FloatArray
 from ident.errors import InputError
 from ident.log import Sample
-from ident.robot import Robot, load_robot
+from ident.robot import Robot
 
 START = np.array([0.0, 0.3, 1.0, 0.0, 0.4, 0.0])
-
-
-@pytest.fixture(scope="module")
-def vs060() -> Robot:
-    return load_robot("vs060")
 
 
 @pytest.fixture(scope="module")

@@ -25,15 +25,10 @@ from comparisons.virtual_robot.scenario import Scenario, load_scenario
 from ident.arrays import FloatArray
 from ident.errors import InputError
 from ident.readers import open_log
-from ident.robot import Robot, load_robot
+from ident.robot import Robot
 
 SHORT = ("continuous", "contact_episodes", "fourier", "mixed", "sinusoid", "stop_and_go")
 PATTERNS = ("plateaus", "reversals", "static_poses", "torque_ramps")
-
-
-@pytest.fixture(scope="module")
-def vs060() -> Robot:
-    return load_robot("vs060")
 
 
 def positions(protocol: Protocol) -> FloatArray:

@@ -15,7 +15,7 @@ from comparisons.virtual_robot.robot import VirtualRobot
 from comparisons.virtual_robot.scenario import Scenario, load_scenario
 from ident.arrays import FloatArray
 from ident.log import JointLog, concatenate
-from ident.robot import Robot, load_robot
+from ident.robot import Robot
 
 QUIET = load_scenario("vs060").without(
     "load-friction", "coulomb-asymmetry", "position-friction", "viscous-nonlinear", "cross-joint-hysteresis",
@@ -48,11 +48,6 @@ class Case:
         """What the links ask, (N, n)."""
         assert self.after.ddq is not None
         return self.virtual.rigid_torque(self.after.q, self.dq, self.after.ddq)
-
-
-@pytest.fixture(scope="module")
-def vs060() -> Robot:
-    return load_robot("vs060")
 
 
 def record(robot: Robot, scenario: Scenario, q: FloatArray | None = None) -> tuple[VirtualRobot, JointLog]:

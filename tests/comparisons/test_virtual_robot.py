@@ -22,11 +22,6 @@ from ident.robot import Robot, load_robot
 BARE = Scenario.model_validate({"links": {"spread": 0.0}, "motors": {"gain": 1.0, "inertia": 0.0}})
 
 
-@pytest.fixture(scope="module")
-def vs060() -> Robot:
-    return load_robot("vs060")
-
-
 def run(virtual: VirtualRobot, q: FloatArray, rows: int = 2048, seed: int = 0) -> JointLog:
     return concatenate(list(virtual.simulate([ReferenceBlock(q)], seed=seed, rows=rows)))
 

@@ -25,11 +25,6 @@ GAIN = np.array([0.71, 0.81, 0.403, 0.112, 0.144, 0.076])  # [N m per %Use]
 
 
 @pytest.fixture(scope="session")
-def vs060() -> Robot:
-    return load_robot("vs060")
-
-
-@pytest.fixture(scope="session")
 def swinging() -> Callable[..., Motion]:
     """Motion of sinusoids in every joint, exact derivatives."""
 

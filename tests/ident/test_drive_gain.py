@@ -13,16 +13,10 @@ from ident.effects.friction import LoadFriction
 from ident.errors import InputError
 from ident.log import JointLog
 from ident.payload import Payload, last_joint
-from ident.robot import load_robot
 
 GAIN = np.array([0.71, 0.81, 0.403, 0.112, 0.144, 0.076])  # [N m per %Use]
 LOAD = Payload(2.0, (0.05, 0.0, 0.08), np.diag([0.004, 0.004, 0.003]))
 CUTOFF = 10.0
-
-
-@pytest.fixture(scope="module")
-def vs060():
-    return load_robot("vs060")
 
 
 def recorded(robot, payload=None, noise=0.5, speed=1.0, seed=0, seconds=40.0):

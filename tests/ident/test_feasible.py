@@ -13,16 +13,10 @@ from ident.errors import InputError
 from ident.feasible import EQUAL, feasible_parameters
 from ident.least_squares import factorise, solve
 from ident.pseudo_inertia import body_parameters, pseudo_inertia
-from ident.robot import load_robot
 from ident.signals import Motion
 
 FRICTION = 2.0  # [N m], and N m s/rad
 ROTOR = 0.3  # [kg m^2]
-
-
-@pytest.fixture(scope="module")
-def vs060():
-    return load_robot("vs060")
 
 
 @pytest.fixture(scope="module")

@@ -31,11 +31,6 @@ def two_link(write_card: Callable[..., Path]) -> Robot:
 
 
 @pytest.fixture(scope="session")
-def vs060() -> Robot:
-    return load_robot("vs060")
-
-
-@pytest.fixture(scope="session")
 def true_model() -> Callable[..., CurrentModel]:
     """Make the model whose links are the URDF's; with ``gain`` the forces are N m, without they are currents."""
 
