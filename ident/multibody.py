@@ -93,7 +93,7 @@ class Multibody:
         full = _build(urdf)
         names = urdf.choose(joints, list(full.names)[1:])
         locked = [index for index, name in enumerate(full.names) if index > 0 and name not in names]
-        model = pin.buildReducedModel(full, locked, pin.neutral(full))
+        model = _reduced(full, locked)
         model.gravity = pin.Motion(np.asarray(gravity, dtype=float), np.zeros(3))
         limits = urdf.limits(names)
         index = np.array([model.joints[model.getJointId(name)].idx_v for name in names], dtype=np.int64)
@@ -210,15 +210,23 @@ def _build(urdf: Urdf) -> Any:
 
 
 def _renamed(model: Any) -> Any:
-    """Give frames of fixed joints that have a link's name one of their own.
+    """Give frames of joints that have a link's name one of their own.
 
-    URDF allows the same name, and so does Pinocchio where a joint moves; its search for a fixed one breaks down.
+    URDF allows the same name, and so does Pinocchio until it looks for one of them.
     """
     links = {frame.name for frame in model.frames if frame.type == pin.FrameType.BODY}
     for frame in model.frames:
-        if frame.type == pin.FrameType.FIXED_JOINT and frame.name in links:
+        if frame.type != pin.FrameType.BODY and frame.name in links:
             frame.name = f"{frame.name} (joint)"
     return model
+
+
+def _reduced(model: Any, locked: list[int]) -> Any:
+    """The model without some joints, which become frames under the names of their joints."""
+    for frame in model.frames:
+        if frame.type == pin.FrameType.JOINT and frame.parentJoint in locked:
+            model.names[frame.parentJoint] = frame.name
+    return pin.buildReducedModel(model, locked, pin.neutral(model))
 
 
 @contextmanager
