@@ -66,8 +66,8 @@ EXPLAINED = 0.9
 SEVERAL = 4.0
 """Rests without which none of them is told of: one level is explained by anything."""
 
-SLIP = 2e-4
-"""Displacement [rad or m] before a joint slips, a few counts of an encoder, below which it sticks."""
+SLIP = 1e-3
+"""Displacement [rad or m] before a joint slips below which it sticks: dry friction yields by that much in its gears."""
 
 TELLING = ("hysteresis", "rigid-body", "friction", "timing")
 """Families of effects that may act on a joint that stands; ripples fit whatever a few poses hold."""
@@ -259,10 +259,10 @@ def _rests(panel: Panel, left: FloatArray, rest: BoolArray) -> float:
     return float(squares.sum() ** 2 / max(float(squares @ squares), 1e-300))
 
 
-def slipless(panel: Panel, gap: JointGap, trial: Trial) -> bool:
-    """Whether this is hysteresis over no displacement to speak of: then it is dry friction that sticks."""
+def slipless(panel: Panel, gap: JointGap, trial: Trial, besides: Sequence[Trial] = ()) -> bool:
+    """Whether this, besides others, is hysteresis over no displacement to speak of: then dry friction sticks."""
     if trial.effect.family != "hysteresis":
         return False
-    found = coefficients(panel, gap.problem(panel), trial, gap.joint)
+    found = coefficients(panel, gap.problem(panel, besides), trial, gap.joint)
     slip = trial.effect.summary(panel.robot, trial.shape, found).get("slip", np.inf)
     return float(np.sum(slip)) < SLIP

@@ -198,11 +198,14 @@ class _Workflow:
     def stuck(self, causes: _Causes) -> list[int]:
         """Joints that are given friction with a memory of no displacement: that is dry friction that sticks."""
         names = zip(causes.gaps, causes.named, causes.doubted, strict=True)
+        return [gap.joint for gap, sure, doubted in names for _ in self.slipless(gap, (*sure, *doubted))]
+
+    def slipless(self, gap: JointGap, named: Sequence[Named]) -> list[Named]:
+        """Names of a joint, beside one another, that are hysteresis of no displacement."""
         return [
-            gap.joint
-            for gap, sure, doubted in names
-            for one in (*sure, *doubted)
-            if slipless(self.panel, gap, one.trial)
+            one
+            for one in named
+            if slipless(self.panel, gap, one.trial, [other.trial for other in named if other is not one])
         ]
 
     def judged(self, last: Search) -> tuple[JointGap, list[Named], list[Named]]:
@@ -223,7 +226,8 @@ class _Workflow:
         """Names of a joint that are believed, and those that are withdrawn: all, if the others do not hold alone."""
         named = list(last.named)
         believable = believed(self.panel, self.survey, last.gap, named)
-        names = [one for one in believable if not slipless(self.panel, last.gap, one.trial)]
+        sticks = self.slipless(last.gap, believable)
+        names = [one for one in believable if one not in sticks]
         withdrawn = [one for one in named if one not in names]
         if not withdrawn:
             return names, []
