@@ -10,7 +10,7 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from ident.arrays import FloatArray, IntArray
+from ident.arrays import BoolArray, FloatArray, IntArray
 from ident.errors import InputError
 
 
@@ -87,8 +87,8 @@ class JointLog:
     def __len__(self) -> int:
         return len(self.t)
 
-    def __getitem__(self, rows: slice) -> JointLog:
-        """Return the rows of a slice as a log of its own (views, no copies)."""
+    def __getitem__(self, rows: slice | BoolArray) -> JointLog:
+        """Return some rows as a log of its own; those of a slice are views, no copies."""
         return self._map(lambda value: value[rows])
 
     @property

@@ -9,7 +9,7 @@ import numpy as np
 import scipy.interpolate
 import scipy.signal
 
-from ident.arrays import FloatArray
+from ident.arrays import BoolArray, FloatArray
 from ident.causal import CausalButterworth, CausalDerivatives, check_cutoff
 from ident.cutoff import CutoffChoice, choose_cutoff
 from ident.errors import InputError
@@ -25,11 +25,14 @@ __all__ = [
     "derivative_noise",
     "derive",
     "differentiate",
+    "late",
     "zero_phase",
 ]
 
 NEGLIGIBLE_JITTER = 0.01
 """Deviation from a uniform grid, as a share of the step, below which stamps count as uniform."""
+LATE_ROWS, CATCHES_UP = 3, 1.5
+"""Rows one after the other at most that may be late, and times the step before that the step after them then is."""
 DECIMATION_ORDER = 8
 DECIMATION_BAND = 0.35
 """Cut-off of the anti-aliasing filter as a share of the new rate; the new Nyquist frequency is at 0.5."""
@@ -180,7 +183,8 @@ def derive(log: JointLog, cutoff: float, causal: bool = False) -> Motion:
     Velocity and acceleration the robot reports are filtered alike; what it does not report is the derivative of the
     filtered quantity below. Without ``causal`` the result has no lag, and stamps that jitter are resampled to a uniform
     grid for filtering and the result taken back to the true stamps. A gap of more than half a period of the cut-off
-    parts a segment; parts too short to filter hold NaN in dq and ddq. With ``causal`` it is what CausalDerivatives
+    parts a segment; parts too short to filter hold NaN in dq and ddq; rows that are ``late`` say nothing. With
+    ``causal`` it is what CausalDerivatives
     gives step by step, reset at each segment.
 
     Args:
@@ -208,8 +212,34 @@ def derive(log: JointLog, cutoff: float, causal: bool = False) -> Motion:
     return Motion(log.t, q, dq, ddq)
 
 
+def late(log: JointLog) -> BoolArray:
+    """Rows (N,) that only repeat all positions and currents of the row before while the robot moves on.
+
+    A sample that a controller or a network delivers too late is logged so. Few rows in a row are taken for that, and
+    only where the next one makes up for them; a joint that stands, or creeps from count to count, does not.
+
+    Args:
+        log: positions and currents.
+    """
+    found = np.zeros(len(log), dtype=bool)
+    moved = np.diff(log.q, axis=0)
+    same = ~moved.any(axis=1) & ~np.diff(log.current, axis=0).any(axis=1) & (np.diff(log.segment) == 0)
+    edges = np.flatnonzero(np.diff(same, prepend=False, append=False)).reshape(-1, 2)
+    for first, end in edges[(edges[:, 0] > 0) & (edges[:, 1] < len(moved)) & (np.ptp(edges, axis=1) <= LATE_ROWS)]:
+        step, next_step = moved[first - 1], moved[end]
+        along = int(np.argmax(np.abs(next_step)))
+        if next_step[along] * step[along] > 0 and abs(next_step[along]) > CATCHES_UP * abs(step[along]):
+            found[first + 1 : end + 1] = True
+    return found
+
+
 def _derive_stretch(log: JointLog, rate: float, cutoff: float) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Zero-phase q, dq, ddq of rows without a gap."""
+    repeats = late(log)
+    if repeats.any():
+        fresh = ~repeats
+        found = _derive_stretch(log[fresh], rate, cutoff)
+        return tuple(_at(log.t[fresh], x, log.t) for x in found)  # type: ignore[return-value]
     unknown = np.full(log.q.shape, np.nan)
     if len(log) < shortest(rate, cutoff):
         return np.array(log.q), unknown, unknown

@@ -10,7 +10,7 @@ import numpy as np
 
 from ident.arrays import BoolArray, FloatArray
 from ident.log import JointLog, LogSource, concatenate
-from ident.signals import Motion, derive
+from ident.signals import Motion, derive, late
 
 ROWS = 16384
 """Rows a block: the link regressor of a 7-axis arm then takes 64 MB."""
@@ -33,7 +33,7 @@ class Block:
         log: the rows as logged.
         motion: their motion.
         first: whether a segment starts here, so that effects with memory start anew.
-        keep: rows to learn from, (N,): those with derivatives, away from the segment's ends.
+        keep: rows to learn from, (N,): those with derivatives that are not late, away from the segment's ends.
     """
 
     log: JointLog
@@ -143,7 +143,7 @@ def _walk_segment(blocks: Iterator[tuple[JointLog, bool]], cutoff: float) -> Ite
             continue
         motion = derive(window, cutoff) if len(window) > 1 else _unknown(window)
         rows = slice(begun, end)
-        keep = np.isfinite(motion.ddq).all(axis=1) & _settled(window, cutoff, first, last)
+        keep = np.isfinite(motion.ddq).all(axis=1) & _settled(window, cutoff, first, last) & ~late(window)
         yield Block(window[rows], motion[rows], first, keep[rows])
         first = False
         start = max(0, end - margin)

@@ -16,6 +16,7 @@ from ident.signals import (
     decimate,
     derive,
     differentiate,
+    late,
     zero_phase,
 )
 
@@ -279,3 +280,21 @@ def test_derived_velocity_of_a_measured_log_is_the_logged_one(name):
     derived, logged = derive(log.replace(dq=None), cutoff), derive(log, cutoff)
     error = np.sqrt(np.mean((derived.dq - logged.dq)[50:-50] ** 2, axis=0))
     assert (error < 0.03 * np.std(logged.dq, axis=0)).all()
+
+
+def test_samples_that_come_late_are_told_from_standing_and_creeping_and_bend_no_derivative():
+    log, _ = sine_log()
+    repeated = np.zeros(len(log), dtype=bool)
+    repeated[[300, 301, 302, *range(520, 1500, 70)]] = True
+    held = np.maximum.accumulate(np.where(repeated, 0, np.arange(len(log))))
+    stale = log.replace(q=log.q[held], current=log.t[held][:, None] * np.ones(log.n))
+    # Where the motion turns round nothing is lost, and nothing shows.
+    found = late(stale)
+    assert not found[~repeated].any()
+    assert found.sum() > 0.8 * repeated.sum()
+    exact, bent = derive(log, CUTOFF), derive(stale, CUTOFF)
+    assert np.abs(bent.ddq - exact.ddq)[50:-50].max() < 0.02 * np.abs(exact.ddq).max()
+    stands = np.concatenate([log.q[:800], np.repeat(log.q[800:801], 3, axis=0), np.repeat(log.q[800:801], 400, axis=0)])
+    counts = np.round(0.3 * np.arange(len(log)) / 4) * 1e-4
+    for q in (stands, np.column_stack([counts] * log.n)):
+        assert not late(JointLog(np.arange(len(q)) / RATE, q, np.zeros_like(q))).any()

@@ -121,3 +121,13 @@ def test_thin_keeps_every_kth_row(log):
     assert 0.4 * 500 < sum(int(b.keep.sum()) for b in few) <= 500 * 1.05
     assert all(not (f.keep & ~b.keep).any() for f, b in zip(few, blocks, strict=True))
     assert thin(blocks, 10**6) == blocks
+
+
+def test_rows_that_came_late_are_not_learnt_from(log):
+    q = log.q.copy()
+    q[1000] = q[999]
+    late = log.replace(
+        q=q, current=np.where(np.arange(len(log)) == 1000, 999, np.arange(len(log)))[:, None] * np.ones(6)
+    )
+    keep, before = (np.concatenate([b.keep for b in walk(one, CUTOFF, 700)]) for one in (late, log))
+    np.testing.assert_array_equal(np.flatnonzero(keep != before), [1000])
