@@ -18,7 +18,7 @@ from ident.gap.search import GAIN
 EDGE, WIDEST = 4.0, 0.012
 """How much narrower and wider the sign of velocity may turn than the model says, and how wide at most [rad/s]."""
 
-MOST = 2.0
+MOST = 3.0
 """Times the model's dry friction that turns otherwise at most: more of it is no edge but an effect."""
 
 
@@ -36,22 +36,31 @@ def edge_columns(panel: Panel, own: Sequence[Term], joint: int) -> FloatArray:
 def with_less_edge(panel: Panel, gap: JointGap, terms: Sequence[Term]) -> JointGap | None:
     """A joint's rows with no more at the edge than its dry friction could bring; None where that makes no difference.
 
-    The columns that take up more of it than twice are left out, the largest first: friction that turns slowly looks
-    like them in motion that reverses quickly.
+    Friction that turns slowly looks like more of it in motion that reverses quickly.
     """
-    friction = [t for t in terms if isinstance(t.effect, Coulomb) and t.effect.joint == gap.joint]
-    if not (friction and gap.nuisance):
+    if not gap.nuisance:
         return None
-    bare, edges = gap.bare(), gap.matrix[:, -gap.nuisance :]
-    problem = bare.problem(panel)
-    most = MOST * abs(float(friction[0].coefficients[0]))
-    while edges.shape[1] > 0:
-        sizes = np.abs(problem.fit(problem.of(edges))[bare.matrix.shape[1] :])
-        if sizes.max() <= most:
-            break
-        edges = np.delete(edges, int(np.argmax(sizes)), axis=1)
+    bare = gap.bare()
+    edges = _slight(panel, bare, gap.matrix[:, -gap.nuisance :], terms)
     if edges.shape[1] == gap.nuisance:
         return None
     sharp = replace(bare, matrix=np.hstack([bare.matrix, edges]), nuisance=edges.shape[1])
     left, rest = sharp.problem(panel).residual, gap.problem(panel).residual
     return sharp if gain(float(left @ left), float(rest @ rest)) > GAIN else None
+
+
+def with_slight_edge(panel: Panel, gap: JointGap, terms: Sequence[Term]) -> JointGap:
+    """The rows of a joint that sticks, of whose edge no more is left than its dry friction could bring."""
+    return gap if gap.edge is None else replace(gap, edge=_slight(panel, gap, gap.edge, terms))
+
+
+def _slight(panel: Panel, gap: JointGap, edges: FloatArray, terms: Sequence[Term]) -> FloatArray:
+    """Columns (N, k) of the edge but for those that would take up too much dry friction, the largest first."""
+    dry = [t for t in terms if isinstance(t.effect, Coulomb) and t.effect.joint == gap.joint]
+    problem, most = gap.problem(panel), MOST * sum(abs(float(t.coefficients[0])) for t in dry)
+    while dry and edges.shape[1] > 0:
+        sizes = np.abs(problem.fit(problem.of(edges))[gap.matrix.shape[1] :])
+        if sizes.max() <= most:
+            break
+        edges = np.delete(edges, int(np.argmax(sizes)), axis=1)
+    return edges

@@ -12,7 +12,10 @@ from ident.effects.base import Effect
 from ident.gap.candidates import Trial, admissible, best_shape, usable
 from ident.gap.gate import Gate, speed_classes
 from ident.gap.panel import Panel
-from ident.gap.problem import JointProblem
+from ident.gap.problem import JointProblem, sizes
+
+LEAST = 1e-11
+"""Least eigenvalue of the normal equations, as a share of the largest, that is no rounding."""
 
 SCARCE = 0.25
 """Share of an even one below which a fold has too few rows: one of a joint that stands while others are moved."""
@@ -53,6 +56,7 @@ class JointGap:
         nuisance: how many of the columns, the last ones, stand for nothing that the model will have.
         friction: forces (N, k) of the model's own friction where it is held fixed: small errors of it are no change.
         sticks: whether the rests of the joint are left out.
+        edge: columns (N, k), of a joint that sticks, by which its sign of velocity may turn otherwise than modelled.
         parts: number of each row's fold (N,), where the panel's folds would leave one with hardly any row that counts.
     """
 
@@ -64,19 +68,28 @@ class JointGap:
     nuisance: int = 0
     friction: FloatArray | None = None
     sticks: bool = False
+    edge: FloatArray | None = None
     parts: IntArray | None = None
 
     def bare(self) -> JointGap:
         """The same without nuisance."""
-        return replace(self, matrix=self.matrix[:, : self.matrix.shape[1] - self.nuisance], nuisance=0)
+        return replace(self, matrix=self.matrix[:, : self.matrix.shape[1] - self.nuisance], nuisance=0, edge=None)
+
+    def edged(self) -> JointGap:
+        """The same with the columns of a sign that turns otherwise, of a joint that sticks, among the nuisance."""
+        if self.edge is None:
+            return self
+        matrix = np.hstack([self.matrix, self.edge])
+        return replace(self, matrix=matrix, nuisance=self.nuisance + self.edge.shape[1], edge=None)
 
     def without(self, rows: BoolArray) -> JointGap:
         """The same with some rows (N,) left out."""
         return replace(self, keep=self.keep & ~rows)
 
     def moving(self, panel: Panel, rests: BoolArray) -> JointGap:
-        """The same with rests (N,) left out: no row is left in which the sign turns to tell how it does."""
-        left = replace(self.bare().without(rests), sticks=True)
+        """The same with rests (N,) left out: hardly a row is left in which the sign turns to tell how it does."""
+        edge = self.matrix[:, self.matrix.shape[1] - self.nuisance :]
+        left = replace(self.bare().without(rests), sticks=True, edge=edge)
         rows = np.bincount(panel.fold[left.keep], minlength=int(panel.fold.max()) + 1)
         if rows.min() >= SCARCE * rows.mean():
             return left
@@ -106,6 +119,16 @@ class JointGap:
         left: FloatArray = self.target - matrix[:, plain] @ found[plain]
         left[self.keep] -= matrix[self.keep][:, ~plain] @ found[~plain]
         return left
+
+    def leverage(self, panel: Panel, named: Sequence[Trial], fitted: BoolArray) -> FloatArray:
+        """Variance (N,) of what columns predict in all rows, fitted to some (N,), over that of those rows' noise."""
+        matrix = self._matrix(panel, named)
+        size = sizes(matrix)
+        scaled = matrix[:, size > 0] / size[size > 0]
+        values, vectors = np.linalg.eigh(scaled[fitted].T @ scaled[fitted])
+        spread = vectors / np.sqrt(np.maximum(values, LEAST * values.max(initial=0.0)))
+        told: FloatArray = np.sum((scaled @ spread) ** 2, axis=1)
+        return told
 
     def _matrix(self, panel: Panel, named: Sequence[Trial]) -> FloatArray:
         """The baseline's columns and those of effects whose coefficients keep to their bounds, in all rows."""

@@ -19,6 +19,9 @@ RIDGE = 1e-10
 OWN = 1e-7
 """Share of a column's size that the baseline must leave, for the rest is rounding."""
 
+NOTHING = 1e-6
+"""Share of a column's size in all rows below which what the rows that count have of it is rounding."""
+
 LEANING = 0.05
 """Weight with which rows held out tell the baseline's own parameters. One that the other rows hardly tell, as of links
 in poses that no other log has, would else make errors of any size, with an effect as without."""
@@ -92,8 +95,9 @@ class JointProblem:
     def __init__(self, matrix: FloatArray, target: FloatArray, fold: IntArray, keep: BoolArray) -> None:
         self.keep = np.flatnonzero(keep)
         self._all = len(keep)
-        size = sizes(matrix[self.keep])
-        self.norm = np.where(size > 0, size, 1.0)
+        size, whole = sizes(matrix[self.keep]), sizes(matrix)
+        # Where a joint moves alone, others' columns are rounding: what that is fitted to is no force elsewhere.
+        self.norm = np.where(size > NOTHING * whole, size, np.where(whole > 0, whole, 1.0))
         self.matrix = matrix[self.keep] / self.norm
         self.target = target[self.keep]
         self.fold = fold[self.keep]

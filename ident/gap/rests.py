@@ -10,7 +10,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.ndimage import binary_dilation, binary_opening, label
+from scipy.ndimage import binary_dilation, binary_opening, label, maximum_filter1d
 
 from ident.arrays import BoolArray, FloatArray, IntArray
 from ident.effects.base import Survey
@@ -27,6 +27,9 @@ from ident.walk import Block
 
 STANDS, OF_MEAN = 5e-3, 0.05
 """A joint slower than this [rad/s or m/s], and than this share of its mean speed, stands."""
+
+SMEARED, DIP = 4.0, 0.25
+"""A stop may be smeared to so many times that speed, where it is this share of the speeds before and after it."""
 
 AROUND = 1.0
 """Periods of the cut-off around a rest that go with it: derived velocities are smoothed, and turn too early or late."""
@@ -112,16 +115,30 @@ class Rests:
 
 
 def stands(block: Block, speed: FloatArray, around: float) -> BoolArray:
-    """Rows (N, n) of a block in which, or within seconds of which, each joint is slower than a speed (n,) or turns."""
-    slow = np.abs(block.motion.dq) < speed
+    """Rows (N, n) of a block in which, or within seconds of which, each joint is slower than a speed (n,) or turns.
+
+    So are those of a stop so short that the derivatives' filter smears it.
+    """
+    velocity, pace = block.motion.dq, np.abs(block.motion.dq)
     # A quick turn has no sample as slow as that.
-    turns = (block.motion.dq[1:] * block.motion.dq[:-1] < 0.0) & (speed > 0.0)
+    turns = (velocity[1:] * velocity[:-1] < 0.0) & (speed > 0.0)
+    if len(pace) < 2:
+        return pace < speed
+    rows = max(1, round(around * block.log.rate))
+    slow = (pace < speed) | ((pace < SMEARED * speed) & (pace < DIP * _slower_side(pace, rows)))
     slow[1:] |= turns
     slow[:-1] |= turns
     if not slow.any():
         return slow
-    width = 2 * max(1, round(around * block.log.rate)) + 1
-    return np.asarray(binary_dilation(slow, np.ones((width, 1), dtype=bool)), dtype=bool)
+    return np.asarray(binary_dilation(slow, np.ones((2 * rows + 1, 1), dtype=bool)), dtype=bool)
+
+
+def _slower_side(pace: FloatArray, rows: int) -> FloatArray:
+    """The lesser (N, n) of the largest speeds in about so many rows before each row and after it."""
+    known, half = np.nan_to_num(pace), (rows + 1) // 2
+    before, after = (maximum_filter1d(known, 2 * half + 1, axis=0, mode="nearest", origin=o) for o in (half, -half))
+    lesser: FloatArray = np.minimum(before, after)
+    return lesser
 
 
 def lasts(block: Block, speed: FloatArray) -> BoolArray:

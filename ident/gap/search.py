@@ -125,10 +125,14 @@ class Beside:
         return self.problem.drop(alone) < ITSELF * self.problem.drop(columns)
 
     def _shrinks(self, panel: Panel, trial: Trial) -> bool:
-        """Whether the model as it will be delivered, without nuisance, gains by the effect as well."""
-        bare = self.gap.bare().problem(panel, [n.trial for n in self.named])
-        with_it = bare.errors(admissible(panel, bare, trial.effect, trial.shape, self.joint))
-        return gain(bare.errors().total, with_it.total) > 0.5 * GAIN
+        """Whether the model gains by the effect as well as it will be delivered, and if its sign turns otherwise."""
+        others = [gap for gap in (self.gap.bare(), self.gap.edged()) if gap.matrix.shape != self.gap.matrix.shape]
+        return all(self._gains_in(panel, gap, trial) for gap in others)
+
+    def _gains_in(self, panel: Panel, gap: JointGap, trial: Trial) -> bool:
+        problem = gap.problem(panel, [n.trial for n in self.named])
+        with_it = problem.errors(admissible(panel, problem, trial.effect, trial.shape, self.joint))
+        return gain(problem.errors().total, with_it.total) > 0.5 * GAIN
 
     def _repeats(self, panel: Panel, trial: Trial) -> bool:
         """Whether it predicts the folds with its shape, too, found on the others: a shape may fit by chance."""

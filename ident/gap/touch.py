@@ -26,6 +26,10 @@ HEIGHT = 8.0
 BEYOND_NAMES = 2.0
 """And by this many times the RMS of what is named on the joint, whose law may be as wrong in places."""
 
+CLEAR = 2.0
+"""The largest touch, on one of its joints, is so many times larger than anything else there is: else a law unknown may
+make both."""
+
 STILL = 3.0
 """A joint slower than this many times the speed over which its sign of velocity turns may stand: its dry friction then
 takes up whatever is smaller than itself, and that is no touch unless another joint shows it."""
@@ -80,18 +84,21 @@ def undisturbed(gap: JointGap, panel: Panel, named: Sequence[Trial] = ()) -> Flo
 
     Least trimmed squares by concentration steps (Rousseeuw and Van Driessen 2006), the averaged residual being trimmed.
     Touches had bent them if most rows are left with less than a quarter of what fitting all of them leaves. A log so
-    short that any rows could be fitted is not asked.
+    short that any rows could be fitted is not asked. Rows that do not count and of which those that do tell nothing, as
+    where other joints move while this one rests, are left with nought.
     """
     left = plain = gap.everywhere(panel, named)
+    told = gap.keep | (gap.leverage(panel, named, gap.keep) <= 1.0)
     stretches = (1.0 - RAREST) * gap.keep.sum() * row_step(panel) / SMOOTH
     if stretches < STRETCHES * max(1, gap.matrix.shape[1] + len(named)):
-        return plain
+        return np.where(told, plain, 0.0)
     for _ in range(STEPS):
         size = np.abs(_averaged(panel, left))
         kept = gap.keep & (size <= np.quantile(size[gap.keep], 1.0 - RAREST))
+        kept |= gap.keep & (gap.leverage(panel, named, kept) > 1.0)
         left = gap.everywhere(panel, named, kept)
     usual, bent = (np.median(np.abs(_averaged(panel, x))[gap.keep]) for x in (left, plain))
-    return left if usual < BENT * bent else plain
+    return np.where(told, left if usual < BENT * bent else plain, 0.0)
 
 
 def find_touches(panel: Panel, survey: Survey, residuals: FloatArray, named: FloatArray) -> Touches:
@@ -123,8 +130,11 @@ def find_touches(panel: Panel, survey: Survey, residuals: FloatArray, named: Flo
         touched[a:b, j] = False
     share = touched.mean(axis=0)
     touched[:, share > RAREST] = False
+    rows = binary_dilation(touched.any(axis=1), iterations=margin)
+    size = np.abs(averaged)
+    if not np.any(size.max(axis=0, where=touched, initial=0.0) > CLEAR * size[~rows].max(axis=0, initial=0.0)):
+        touched[:], rows = False, np.zeros_like(rows)
     any_joint = touched.any(axis=1)
-    rows = binary_dilation(any_joint, iterations=margin)
     _, episodes = label(rows)
     joints = tuple(int(j) for j in np.flatnonzero(touched.any(axis=0)))
     return Touches(np.asarray(rows, dtype=bool), joints, float(any_joint.sum() * step), int(episodes))

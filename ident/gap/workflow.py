@@ -19,7 +19,7 @@ from ident.gap.abstain import explainable
 from ident.gap.attribute import attribute, still_holding
 from ident.gap.belief import WORTH_SAYING, believed, unexplained
 from ident.gap.candidates import Trial, coefficients
-from ident.gap.edge import with_less_edge
+from ident.gap.edge import with_less_edge, with_slight_edge
 from ident.gap.evidence import evidence, negative_control
 from ident.gap.experiment import Experiment, Joined, Question, separating, with_motion
 from ident.gap.joint_gap import JointGap, Named
@@ -300,7 +300,8 @@ class _Workflow:
         found = (gap_of if self.refit else held_of)(self.model, panel, joint)
         if joint not in self.rests.joints:
             return found
-        return found.moving(panel, ~panel.gather(self.rests.counts)[:, joint])
+        left = found.moving(panel, ~panel.gather(self.rests.counts)[:, joint])
+        return with_slight_edge(panel, left, self.model.terms)
 
     def touches(self, gaps: Sequence[JointGap], named: Sequence[Sequence[Named]]) -> Touches | None:
         """Contact in what names leave, if there is any."""

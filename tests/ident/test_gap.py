@@ -566,3 +566,16 @@ def test_a_force_that_grows_with_another_joints_speed_is_no_dry_friction(arm):
     found = structure(arm, hidden=lambda t, q, dq: 0.9 * dq[:, 0])
     assert found.findings == ()
     assert (1,) in [one.joints for one in found.unexplained]
+
+
+def test_what_stands_out_no_more_than_the_rest_is_no_touch(arm):
+    log, rng = record(arm, 1), np.random.default_rng(0)
+    model = baseline_model(arm, [log])
+    panel = panel_of(model, [log])
+    survey = SimpleNamespace(smoothing=np.full(2, 2e-3), holds=np.array([0.5, 0.3]))
+    nothing, noise = np.zeros((len(panel), 2)), 0.01 * rng.standard_normal((len(panel), 2))
+    rows = np.arange(len(panel))
+    for shorter, episodes in ((2.0, 1), (5.0, 0)):
+        bursts = 1.0 * (np.abs(rows - 2000) < 20) + shorter * (np.abs(rows[:, None] - rows[500::900]) < 2).any(axis=1)
+        found = find_touches(panel, survey, noise + bursts[:, None] * np.array([0.0, 1.0]), nothing)
+        assert found.episodes == episodes

@@ -143,3 +143,13 @@ def test_counts_feign_an_acceleration_of_that_size_at_constant_speed(share):
     feigned = np.abs(derive(log, cutoff).ddq[600:-400]).max()
     panel, survey = SimpleNamespace(blocks=[SimpleNamespace(log=log)]), SimpleNamespace(cutoff=cutoff)
     assert feigned < counted_acceleration(panel, survey, 0) < 10.0 * feigned
+
+
+def test_what_is_rounding_where_rows_count_is_no_force_elsewhere():
+    rng = np.random.default_rng(0)
+    rows = np.arange(400)
+    other = np.where(rows < 200, 1e-14 * rng.standard_normal(400), np.sin(0.1 * rows))
+    target = np.cos(0.05 * rows) + 0.1 * rng.standard_normal(400)
+    matrix = np.column_stack([np.cos(0.05 * rows), other])
+    found = JointProblem(matrix, target, rows // 100, rows < 200).fit()
+    assert found == pytest.approx([1.0, 0.0], abs=0.05)

@@ -1,5 +1,6 @@
 """Joints that stick: what dry friction holds while they stand bends no fit, hides no effect and is none."""
 
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -10,9 +11,12 @@ from ident.effects.friction import Coulomb
 from ident.fit import Drives, fit
 from ident.gap import baseline_model, find_gap, smoothing
 from ident.gap import rests as rests_module
+from ident.gap.edge import edge_columns, with_slight_edge
 from ident.gap.evidence import evidence
+from ident.gap.joint_gap import JointGap
 from ident.gap.rests import Rests, _hunts, find_rests, stands
 from ident.gap.rows import panel_of, survey_of
+from ident.gap.search import search
 from ident.identification import identify
 from ident.log import JointLog
 from ident.signals import Motion
@@ -305,3 +309,32 @@ def test_a_drive_hunts_more_than_once_in_a_rest(monkeypatch, hertz, hunts):
     rest = t % 3.0 < 1.0
     left = np.where(rest, np.sin(2 * np.pi * hertz * t), 0.0)
     assert _hunts(SimpleNamespace(start=np.array([0])), left, rest) == hunts
+
+
+def test_a_stop_that_the_filter_smears_is_no_motion():
+    t = np.arange(400) / RATE
+    stops = 0.4 * np.abs(np.sin(2 * np.pi * 0.5 * t)) + 0.012
+    creeps = 0.012 + 1e-4 * np.sin(40.0 * t)
+    dq = np.column_stack([stops, creeps])
+    block = Block(JointLog(t, dq, dq), Motion(t, dq, dq, dq), True, np.ones(len(t), dtype=bool))
+    found = stands(block, np.full(2, 5e-3), 0.1)
+    assert found[[100, 200, 300], 0].all()
+    assert not found[[50, 150, 250, 350], 0].any()
+    assert not found[:, 1].any()
+
+
+@pytest.mark.parametrize(("slow", "named"), [(9e-3, False), (6e-2, True)])
+def test_what_turns_the_sign_otherwise_beside_rests_is_no_effect(arm, slow, named):
+    train = logs(arm)
+    model = baseline_model(arm, train)
+    panel = panel_of(model, train)
+    v, rng = panel.velocity[:, 1], np.random.default_rng(0)
+    own = [replace(t, effect=replace(t.effect, smoothing=5e-3)) for t in model.terms if t.effect.name == "coulomb"]
+    edges = edge_columns(panel, [t for t in own if t.effect.joint == 1], 1)
+    left = 0.4 * np.sign(v) * np.exp(-((np.abs(v) / slow) ** 1.3)) + 0.005 * rng.standard_normal(len(panel))
+    everything = np.ones(len(panel), dtype=bool)
+    gap = JointGap(1, np.column_stack([v, edges]), left, everything, (), 3).moving(panel, np.abs(v) < 5e-3)
+    survey = survey_of(model, panel)
+    bare, slight = replace(gap, edge=None), with_slight_edge(panel, gap, own)
+    assert search(panel, survey, bare).winner(panel) is not None
+    assert (search(panel, survey, slight).winner(panel) is not None) == named
