@@ -17,6 +17,7 @@ from ident.errors import InputError
 from ident.fit import Drives, fit
 from ident.gap.abstain import explainable
 from ident.gap.attribute import attribute, still_holding
+from ident.gap.baseline import WORTH
 from ident.gap.belief import WORTH_SAYING, believed, unexplained
 from ident.gap.candidates import Trial, coefficients
 from ident.gap.edge import with_less_edge, with_slight_edge
@@ -110,6 +111,8 @@ class _Workflow:
     def run(self) -> GapReport:
         self.tell("reading logs", 0.0)
         self.lag = velocity_lag(self.train, self.model.cutoff)
+        if self.lag is not None and not (self.refit or self.lags_more()):
+            self.lag = None
         if self.lag is not None:
             self.model = replace(self.model, positions_only=True)
         self.look()
@@ -132,6 +135,13 @@ class _Workflow:
             contacts.append(found)
             self.train = found.cut(self.panel, self.train)
             self.look()
+
+    def lags_more(self) -> bool:
+        """Whether velocities lag now and did not when a model held fixed was identified: positions suit it better."""
+        models = [replace(self.model, positions_only=only) for only in (False, True)]
+        left = [left_by(model, panel_of(model, self.train)) for model in models]
+        logged, derived = (float(np.sum(np.log(np.maximum(np.mean(x**2, axis=0), 1e-300)))) for x in left)
+        return not self.model.positions_only and derived <= logged - WORTH * self.model.n
 
     def look(self) -> None:
         """Steps 1 and 2: the model, fitted again unless it is held fixed, and the rows that it is held against."""

@@ -359,6 +359,19 @@ def test_lagging_velocities_are_named_and_left_out(arm):
     assert found.model.positions_only
 
 
+def test_velocities_that_always_lagged_are_no_change(arm):
+    def lagging(seed, seconds):
+        t, _, dq, _ = motion(seed)
+        late = np.stack([np.interp(t - seconds, t, v) for v in dq.T], axis=1)
+        return record(arm, seed).replace(dq=late)
+
+    before, prompt, train = (
+        [lagging(seed, seconds), lagging(seed + 1, seconds)] for seed, seconds in ((1, 6e-3), (3, 0.0), (5, 6e-3))
+    )
+    assert find_gap(baseline_model(arm, before), train, refit=False).findings == ()
+    assert find_gap(baseline_model(arm, prompt), train, refit=False).findings[0].effect == "delay"
+
+
 def test_a_spring_that_all_joints_feel_is_one_joints(arm):
     links = np.tile(arm.multibody.parameters, (2, 1))
 
