@@ -43,7 +43,7 @@ from learned.motion_discriminator import PLAY_THRESHOLDS
 from learned.options import TrainingOptions
 from learned.predictor import LearnedModel
 from observers.compliance import JointAdmittance
-from observers.deadzone import Deadzone
+from observers.deadzone import BAND, Deadzone
 from observers.direct import DirectEstimator
 from observers.momentum import MomentumObserver
 from observers.residual import ResidualEstimator
@@ -80,8 +80,8 @@ NETWORK = TrainingOptions(
 PUSH = Push(link=3, point=(0.0, 0.0, 0.25), force=(60.0, 0.0, 0.0), start=3.0, duration=2.0, rise=0.3)
 GAIN = 0.02
 """Of the joint admittance [rad/s per %Use]."""
-MARGIN = 1.1
-"""Deadzone over the greatest residual of the test logs."""
+MARGIN = 1.25
+"""Where the deadzone's band begins, over the greatest residual of the test logs."""
 
 
 @dataclass(eq=False)
@@ -250,7 +250,8 @@ def _compare(demo: Demonstration) -> None:
 
 def _comply(demo: Demonstration) -> None:
     robot, model = demo.virtual.robot, demo.identified.model
-    demo.boundary = MARGIN * np.asarray(demo.comparison.methods["gmo"]["smoothed"]["peak"], dtype=np.float64)
+    greatest = np.asarray(demo.comparison.methods["gmo"]["smoothed"]["peak"], dtype=np.float64)
+    demo.boundary = MARGIN / (1.0 - 0.5 * BAND) * greatest
     law = JointAdmittance(GAIN, Deadzone.of(demo.boundary), robot.limits)
     watcher = DirectEstimator(demo.network, 100.0)
     estimators: dict[str, ResidualEstimator] = {"gmo": MomentumObserver(model, 5.0), "hrdl-md": watcher}
