@@ -235,25 +235,21 @@ def late(log: JointLog) -> BoolArray:
 
 def _derive_stretch(log: JointLog, rate: float, cutoff: float) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Zero-phase q, dq, ddq of rows without a gap."""
-    repeats = late(log)
-    if repeats.any():
-        fresh = ~repeats
-        found = _derive_stretch(log[fresh], rate, cutoff)
-        return tuple(_at(log.t[fresh], x, log.t) for x in found)  # type: ignore[return-value]
     unknown = np.full(log.q.shape, np.nan)
-    if len(log) < shortest(rate, cutoff):
+    prompt = log[~late(log)]
+    if len(prompt) < shortest(rate, cutoff):
         return np.array(log.q), unknown, unknown
-    grid = _grid(log.t)
-    stamps = log.t if grid is None else grid
+    grid = _grid(prompt.t)
+    stamps = prompt.t if grid is None else grid
     if len(stamps) < shortest(_rate(stamps), cutoff):
         return np.array(log.q), unknown, unknown
 
     def smooth(x: FloatArray) -> FloatArray:
-        return zero_phase(x if grid is None else _at(log.t, x, grid), _rate(stamps), cutoff)
+        return zero_phase(x if grid is None else _at(prompt.t, x, grid), _rate(stamps), cutoff)
 
-    q = smooth(log.q)
-    dq = differentiate(stamps, q) if log.dq is None else smooth(log.dq)
-    ddq = differentiate(stamps, dq) if log.ddq is None else smooth(log.ddq)
+    q = smooth(prompt.q)
+    dq = differentiate(stamps, q) if prompt.dq is None else smooth(prompt.dq)
+    ddq = differentiate(stamps, dq) if prompt.ddq is None else smooth(prompt.ddq)
     if grid is None:
         return q, dq, ddq
     return _at(grid, q, log.t), _at(grid, dq, log.t), _at(grid, ddq, log.t)

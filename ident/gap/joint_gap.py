@@ -12,10 +12,7 @@ from ident.effects.base import Effect
 from ident.gap.candidates import Trial, admissible, best_shape, usable
 from ident.gap.gate import Gate, speed_classes
 from ident.gap.panel import Panel
-from ident.gap.problem import JointProblem, sizes
-
-LEAST = 1e-11
-"""Least eigenvalue of the normal equations, as a share of the largest, that is no rounding."""
+from ident.gap.problem import LEAST, JointProblem, sizes
 
 SCARCE = 0.25
 """Share of an even one below which a fold has too few rows: one of a joint that stands while others are moved."""

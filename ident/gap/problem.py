@@ -16,6 +16,9 @@ Float32Array = npt.NDArray[np.float32]
 RIDGE = 1e-10
 """Share of a column's square added to the normal matrix, so that columns that say the same do no harm."""
 
+LEAST = 1e-11
+"""Least eigenvalue of the normal equations, as a share of the largest, that is no rounding."""
+
 OWN = 1e-7
 """Share of a column's size that the baseline must leave, for the rest is rounding."""
 
@@ -122,7 +125,7 @@ class JointProblem:
         if self.matrix.shape[1] == 0:
             return np.zeros((len(self.target), 0))
         values, vectors = np.linalg.eigh(self.matrix.T @ self.matrix)
-        good = values > 1e-11 * max(values[-1], 1e-300)
+        good = values > LEAST * max(values[-1], 1e-300)
         first = self.matrix @ (vectors[:, good] / np.sqrt(values[good]))
         return np.asarray(np.linalg.qr(first)[0], dtype=np.float64)
 

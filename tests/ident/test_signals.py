@@ -294,6 +294,7 @@ def test_samples_that_come_late_are_told_from_standing_and_creeping_and_bend_no_
     assert found.sum() > 0.8 * repeated.sum()
     exact, bent = derive(log, CUTOFF), derive(stale, CUTOFF)
     assert np.abs(bent.ddq - exact.ddq)[50:-50].max() < 0.02 * np.abs(exact.ddq).max()
+    assert np.isnan(derive(stale[295:307], CUTOFF).ddq).all()  # too short to filter
     stands = np.concatenate([log.q[:800], np.repeat(log.q[800:801], 3, axis=0), np.repeat(log.q[800:801], 400, axis=0)])
     counts = np.round(0.3 * np.arange(len(log)) / 4) * 1e-4
     for q in (stands, np.column_stack([counts] * log.n)):
