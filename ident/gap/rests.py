@@ -10,7 +10,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.ndimage import binary_dilation, binary_opening, label, maximum_filter1d
+from scipy.ndimage import binary_dilation, binary_opening, label, maximum_filter1d, minimum_filter1d
 
 from ident.arrays import BoolArray, FloatArray, IntArray
 from ident.effects.base import Survey
@@ -125,7 +125,7 @@ def stands(block: Block, speed: FloatArray, around: float) -> BoolArray:
     if len(pace) < 2:
         return pace < speed
     rows = max(1, round(around * block.log.rate))
-    slow = (pace < speed) | ((pace < SMEARED * speed) & (pace < DIP * _slower_side(pace, rows)))
+    slow = (pace < speed) | ((pace < SMEARED * speed) & _dips(pace, rows))
     slow[1:] |= turns
     slow[:-1] |= turns
     if not slow.any():
@@ -133,12 +133,12 @@ def stands(block: Block, speed: FloatArray, around: float) -> BoolArray:
     return np.asarray(binary_dilation(slow, np.ones((2 * rows + 1, 1), dtype=bool)), dtype=bool)
 
 
-def _slower_side(pace: FloatArray, rows: int) -> FloatArray:
-    """The lesser (N, n) of the largest speeds in about so many rows before each row and after it."""
+def _dips(pace: FloatArray, rows: int) -> BoolArray:
+    """Rows (N, n) at which speeds are least among so many rows on either side, and far less than on both."""
     known, half = np.nan_to_num(pace), (rows + 1) // 2
     before, after = (maximum_filter1d(known, 2 * half + 1, axis=0, mode="nearest", origin=o) for o in (half, -half))
-    lesser: FloatArray = np.minimum(before, after)
-    return lesser
+    least = minimum_filter1d(known, 2 * rows + 1, axis=0, mode="nearest")
+    return np.asarray((known <= least) & (known < DIP * np.minimum(before, after)), dtype=bool)
 
 
 def lasts(block: Block, speed: FloatArray) -> BoolArray:
