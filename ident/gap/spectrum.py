@@ -35,6 +35,8 @@ def spectral_line(residual: FloatArray, starts: IntArray, step: float) -> tuple[
     if not spectra or length < 64:
         return None
     hertz, power = spectra[0][0], np.mean([p for _, p in spectra], axis=0)
+    if not np.any(power > 0.0):
+        return None
     around = median_filter(power, size=31, mode="nearest")
     ratio = power / np.maximum(around, 1e-300)
     ratio[:4] = 0.0

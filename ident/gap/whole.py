@@ -113,8 +113,8 @@ def whole_effect(
         if instead is not None and type(best.effect) is type(instead):
             shown = bool(likelihoods.sum() > single[instead.at])
         elif alone:
-            enough = NEARLY if _simpler(best, searches[one].closest) else BEATS
-            shown = bool(likelihoods[one] > enough * single[one]) and bool(np.all(best.held_out[one] <= before[one]))
+            shown = _stands_alone(best, searches[one].closest, likelihoods, single, int(one))
+            shown = shown and bool(np.all(best.held_out[one] <= before[one]))
         else:
             shown = _rivals(likelihoods, single, affected)
         if shown and (alone or last):
@@ -147,6 +147,17 @@ def _at_any_pace(panel: Panel, problems: Sequence[JointProblem], whole: Whole) -
     added = (columns_of(panel, whole, j)[p.keep] for j, p in enumerate(problems))
     joints = [Predicted.of(panel, p, j, force) for j, (p, force) in enumerate(zip(problems, added, strict=True))]
     return agrees_at_any_pace(joints, IN_TIME)
+
+
+def _stands_alone(whole: Whole, single: Trial | None, likelihoods: FloatArray, singles: FloatArray, joint: int) -> bool:
+    """Whether a cause that shows on one joint explains more there than the joint's best effect does.
+
+    What it costs other joints counts. A spring that shows on another joint than its own is chosen among those of all
+    joints: it is no simpler cause than that effect.
+    """
+    simpler = whole.effect.joint in (None, joint) and _simpler(whole, single)
+    explained = min(likelihoods[joint], likelihoods.sum())
+    return bool(explained > (NEARLY if simpler else BEATS) * singles[joint])
 
 
 def _simpler(whole: Whole, single: Trial | None) -> bool:

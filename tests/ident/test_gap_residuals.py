@@ -75,6 +75,7 @@ def test_a_line_in_the_spectrum_is_found_and_noise_has_none():
     t = np.arange(6000) / 100.0
     noise = rng.standard_normal(6000)
     assert spectral_line(noise, np.array([0]), 0.01) is None
+    assert spectral_line(np.zeros_like(noise), np.array([0]), 0.01) is None
     hertz, share = spectral_line(noise + np.sin(2 * np.pi * 7.0 * t), np.array([0]), 0.01)
     assert hertz == pytest.approx(7.0, abs=0.2)
     assert share > 0.2

@@ -5,10 +5,12 @@ import pytest
 from scipy.interpolate import CubicSpline
 from scipy.spatial.transform import Rotation
 
-from ident.effects.attached import Payload
+from ident.effects.attached import GravityBalancer, Payload
 from ident.effects.timing import Delay, FilterLag
+from ident.effects.transmission import Elasticity
 from ident.gap import baseline_model, find_gap
-from ident.gap.whole import Whole, _ranked
+from ident.gap.candidates import Trial
+from ident.gap.whole import Whole, _ranked, _stands_alone
 from ident.log import JointLog
 from ident.robot import load_robot
 
@@ -67,3 +69,16 @@ def test_small_errors_of_a_model_do_not_choose_between_a_delay_and_a_filter(stan
     payload = whole(Payload(None), 99.5, 104.0)
     assert _ranked([delay, lag])[0].effect.name == first
     assert _ranked([payload, lag])[0] is lag
+
+
+@pytest.mark.parametrize(
+    ("joint", "others", "stands"),
+    [(3, 0.0, True), (3, -60.0, False), (2, 0.0, False), (2, 100.0, False)],
+    ids=["own joint", "costs others", "another joint", "another joint, borne out"],
+)
+def test_a_spring_that_shows_on_one_joint_must_be_worth_its_choice_among_all_joints(joint, others, stands):
+    # On the joint it explains 1.1 times what a balancer there does.
+    likelihoods, singles = np.array([0.0, 0.0, others, 440.0]), np.array([5.0, 5.0, 5.0, 400.0])
+    spring = Whole(Elasticity(joint), np.zeros(0), np.ones(1), np.zeros((4, 4)), float(likelihoods.sum()), 0.0)
+    balancer = Trial(GravityBalancer(3), np.zeros(0), 400.0, columns=2)
+    assert _stands_alone(spring, balancer, likelihoods, singles, 3) is stands
