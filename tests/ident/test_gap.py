@@ -1,10 +1,11 @@
 """The gap workflow on a two-link arm: names what is hidden, keeps silent where nothing or something foreign is."""
 
 from dataclasses import replace
-from types import SimpleNamespace
 
 import numpy as np
+import planar_arm
 import pytest
+from planar_arm import NOISE, RATE, logs, motion, record, structure
 from scipy.interpolate import CubicSpline
 from scipy.signal import lfilter
 
@@ -13,63 +14,21 @@ from ident.effects import load_catalogue
 from ident.effects.friction import Coulomb, Stribeck
 from ident.fit import Drives, fit
 from ident.gap import baseline, baseline_model, belief, find_gap
-from ident.gap.candidates import Trial, kind_of
+from ident.gap.candidates import kind_of
 from ident.gap.edge import edge_columns, with_less_edge
-from ident.gap.experiment import Joined, Question, separating, with_motion
 from ident.gap.gate import Gate
 from ident.gap.joint_gap import JointGap
-from ident.gap.panel import Panel
 from ident.gap.problem import JointProblem
 from ident.gap.rests import no_rests
 from ident.gap.rows import panel_of
 from ident.gap.search import Search
-from ident.gap.settle import next_experiment
 from ident.gap.smoothing import Smoothed
-from ident.gap.touch import _pieces, find_touches
 from ident.gap.velocity_lag import velocity_lag
 from ident.identification import identify
-from ident.log import JointLog
 from ident.model_file import load_model, save_model
 from ident.start import start_of
 
 PLAIN = ("coulomb", "viscous")
-RATE, NOISE = 100.0, 0.08
-
-
-def motion(seed, seconds=60.0):
-    """Fast and slow stretches one after the other, all joints at once."""
-    rng = np.random.default_rng(seed)
-    t = np.arange(round(seconds * RATE)) / RATE
-    fast = sum(
-        rng.uniform(0.2, 0.5, 2) * np.sin(2 * np.pi * f * t[:, None] + rng.uniform(0, 6, 2)) for f in (0.11, 0.23, 0.41)
-    )
-    slow = sum(
-        rng.uniform(0.02, 0.05, 2) * np.sin(2 * np.pi * f * t[:, None] + rng.uniform(0, 6, 2)) for f in (0.09, 0.31)
-    )
-    share = 0.5 + 0.5 * np.tanh(4 * np.sin(2 * np.pi * t / 30.0))[:, None]
-    spline = CubicSpline(t, share * fast + (1 - share) * slow + rng.uniform(-0.3, 0.3, 2))
-    return t, spline(t), spline(t, 1), spline(t, 2)
-
-
-def record(arm, seed, hidden=None, mass=0.0):
-    t, q, dq, ddq = motion(seed)
-    parameters = arm.multibody.parameters.copy()
-    parameters[10:14] += mass * np.array([1.0, 0.4, 0.0, 0.0])
-    torque = arm.rigid_body.inverse_dynamics(q, dq, ddq, np.tile(parameters, (2, 1)))
-    torque += np.array([1.5, 0.8]) * np.tanh(dq / 2e-3) + np.array([1.0, 0.5]) * dq
-    torque += NOISE * np.random.default_rng(seed + 50).standard_normal(q.shape)
-    if hidden is not None:
-        torque[:, 1] += hidden(t, q, dq)
-    return JointLog(t=t, q=q, current=torque, name=f"log{seed}")
-
-
-def logs(arm, first, **options):
-    return [record(arm, seed, **options) for seed in range(first, first + 3)]
-
-
-def structure(arm, **options):
-    train = logs(arm, 1, **options)
-    return find_gap(baseline_model(arm, train), train, [record(arm, 9, **options)])
 
 
 def test_nothing_is_named_where_nothing_is_hidden(arm):
@@ -251,7 +210,7 @@ def test_play_that_knocks_as_the_load_changes_sides_is_seen_and_not_named(arm, m
         t, q, dq, ddq = plain(seed)
         return t, q + np.array([0.0, 1.5]), dq, ddq
 
-    monkeypatch.setitem(globals(), "motion", upright)
+    monkeypatch.setattr(planar_arm, "motion", upright)
     found = structure(arm, hidden=knocks)
     assert found.findings == ()
     (one,) = found.unexplained
@@ -325,23 +284,6 @@ def test_the_cut_off_is_sought_beyond_a_worse_step(arm, monkeypatch):
 
     monkeypatch.setattr(baseline, "_best_velocities", tried)
     assert baseline._followed(tried(model, unused), 0.7, unused).model.cutoff == pytest.approx(9.8)
-
-
-def test_contact_is_cut_out_also_where_links_had_bent_to_it(arm):
-    def pushes(t, q, dq):
-        sizes = {8.0: 30.0, 20.0: 3.0, 31.0: 14.0, 42.0: 3.0, 51.0: -24.0}
-        return sum(size * np.exp(-0.5 * ((t - at) / 0.3) ** 2) for at, size in sizes.items())
-
-    train, clean = logs(arm, 1, hidden=pushes), [record(arm, 9)]
-    found = find_gap(baseline_model(arm, train), train, clean)
-    (one,) = found.findings
-    assert (one.effect, one.joints) == ("contact", (1,))
-    assert one.parameters["episodes"] == 15.0
-    t = motion(1)[0]
-    pushed = len(train) * np.sum(np.abs(pushes(t, None, None)) > 4.0 * NOISE) / RATE
-    assert one.parameters["seconds"] == pytest.approx(pushed, rel=0.15)
-    assert found.evidence.before[1] > 2.0 * NOISE
-    np.testing.assert_allclose(found.evidence.after, NOISE, rtol=0.1)
 
 
 def test_lagging_velocities_are_named_and_left_out(arm):
@@ -445,69 +387,6 @@ def test_a_delay_that_shows_on_one_joint_most_is_borne_out_by_the_others(arm):
     assert one.parameters["seconds"] == pytest.approx(0.004, rel=0.1)
 
 
-def test_every_effect_has_an_experiment_that_settles_it():
-    catalogue = load_catalogue()
-    for name, kind in catalogue.items():
-        for rival in kind.rivals:
-            assert next_experiment(name, {rival: None})
-    assert next_experiment("stribeck", {}) is None
-
-
-def test_the_next_experiment_is_the_motion_on_which_two_names_differ(arm):
-    train = logs(arm, 1, hidden=lambda t, q, dq: 0.3 * np.tanh(dq[:, 1] / 0.06))
-    model = baseline_model(arm, train)
-    panel = panel_of(model, train)
-    effects = {name: load_catalogue()[name](1) for name in ("sigmoid", "viscous-nonlinear")}
-    sigmoid = Trial(effects["sigmoid"], np.array([0.03, 0.0]), 0.0)
-    power = Trial(effects["viscous-nonlinear"], np.array([0.5]), 0.0)
-
-    def moved(speed):
-        """Steady travel to and fro at about one speed."""
-        t = np.arange(4000) / RATE
-        q = speed / (2 * np.pi * 0.2) * np.sin(2 * np.pi * 0.2 * t)[:, None] * np.ones(2)
-        return JointLog(t=t, q=q, current=np.zeros_like(q))
-
-    def joined(motion):
-        both, added = with_motion(model, panel, motion)
-        v = both.velocity[:, 1]
-        matrix = np.stack([np.tanh(v / 2e-3), v, np.ones(len(v))], axis=1)
-        return Joined(both, JointGap(1, matrix, both.force[:, 1], np.ones(len(v), dtype=bool), ()), added)
-
-    motions = {name: joined(moved(speed)) for name, speed in (("fast", 4.0), ("slow", 0.08))}
-    found = separating(Question(sigmoid, power, (), NOISE), motions)
-    alone = separating(Question(sigmoid, power, (), NOISE), {"slow": motions["slow"]})
-    assert found.motion == "fast"  # a power of speed grows on, a sigmoid does not
-    assert found.ratio > 1.2 * alone.ratio
-    rows = np.arange(len(motions["fast"].panel)) >= len(motions["fast"].panel) - motions["fast"].added
-    unseen = replace(motions["fast"], gap=motions["fast"].gap.without(rows))
-    assert separating(Question(sigmoid, power, (), NOISE), {"fast": unseen}).ratio == 0.0
-    same = separating(Question(sigmoid, sigmoid, (), NOISE), motions)
-    assert same.ratio < 1e-3
-    assert not same.settles
-
-
-def test_a_motion_may_be_sampled_slower_than_the_logs(arm):
-    train = logs(arm, 1)
-    model = replace(baseline_model(arm, train), cutoff=20.0)
-    t, q, _, _ = motion(4)
-    slow = JointLog(t=t[::4], q=q[::4], current=np.zeros_like(q[::4]))
-    panel, added = with_motion(model, panel_of(model, train), slow)
-    assert 0 < added <= len(slow)
-    assert np.isfinite(panel.velocity).all()
-
-
-def test_touches_so_many_that_they_bend_the_model_are_found(arm):
-    def pushes(t, q, dq):
-        return 0.8 * np.sum([np.tanh((t - s) / 0.05) - np.tanh((t - s - 2.0) / 0.05) for s in range(3, 58, 9)], axis=0)
-
-    found = structure(arm, hidden=pushes)
-    (one,) = found.findings
-    assert (one.effect, one.joints) == ("contact", (1,))
-    assert one.parameters["episodes"] == 3 * 7
-    assert one.parameters["seconds"] == pytest.approx(3 * 7 * 2.0, rel=0.15)
-    assert found.unexplained == ()
-
-
 def test_a_cable_hangs_free_at_an_angle_of_its_own(arm):
     found = structure(arm, hidden=lambda t, q, dq: 0.2 * (q[:, 1] - 0.5) + 0.5 * (q[:, 1] - 0.5) ** 3)
     (one,) = found.findings
@@ -526,69 +405,7 @@ def test_a_ripples_second_harmonic_is_part_of_it(arm):
     assert one.parameters["second_harmonic"] == pytest.approx(0.07, rel=0.15)
 
 
-def test_a_burst_is_held_against_what_is_usual_in_motion(arm, monkeypatch):
-    log, rng = record(arm, 1), np.random.default_rng(0)
-    panel = panel_of(baseline_model(arm, [log]), [log])
-    survey = SimpleNamespace(smoothing=np.full(2, 2e-3), holds=np.array([0.5, 0.3]))
-    move, place = np.divmod(np.arange(len(panel)), 500)
-    moving = place < 100
-    monkeypatch.setattr(Panel, "velocity", np.where(moving, 0.5, 0.0)[:, None] * np.ones(2))
-    nothing = np.zeros((len(panel), 2))
-    residuals = 0.01 * rng.standard_normal((len(panel), 2))
-    residuals[:, 1] += moving * 0.1 * rng.choice([-1.0, 1.0], 50)[move]
-    assert find_touches(panel, survey, residuals, nothing).episodes == 0
-    # A joint that stands holds .3 by friction alone, unless the other shows it.
-    residuals[2200:2250, 1] += 0.25
-    assert find_touches(panel, survey, residuals, nothing).episodes == 0
-    felt = residuals + np.where((move == 4) & (place >= 200) & (place < 250), 0.25, 0.0)[:, None] * np.array([1.0, 0.0])
-    assert find_touches(panel, survey, felt, nothing).joints == (0, 1)
-    residuals[2200:2250, 1] += 0.25
-    assert find_touches(panel, survey, residuals, nothing).episodes == 1
-    residuals[2200:2250, 1] -= 0.5
-    residuals[2510:2560, 1] += 1.2
-    assert find_touches(panel, survey, residuals, nothing).episodes == 1
-
-
-def test_what_comes_back_with_an_angle_is_no_touch(arm):
-    log, rng = record(arm, 1), np.random.default_rng(0)
-    model = baseline_model(arm, [log])
-    panel = panel_of(model, [log])
-    survey = SimpleNamespace(smoothing=np.full(2, 2e-3), holds=np.array([0.5, 0.3]))
-    nothing, noise = np.zeros((len(panel), 2)), 0.01 * rng.standard_normal((len(panel), 2))
-    q = panel.gather(lambda block: block.motion.q)[:, 1]
-    tooth = np.abs(q - np.quantile(q, 0.8)) < 0.06
-    _, first, end = max(_pieces(tooth[:, None], np.array([0, len(q)])), key=lambda one: one[2] - one[1])
-    passed = np.arange(len(q))
-    once = noise + 1.0 * ((passed >= first) & (passed < end))[:, None] * np.array([0.0, 1.0])
-    assert find_touches(panel, survey, once, nothing).episodes == 1
-    often = noise + 1.0 * tooth[:, None] * np.array([0.0, 1.0])
-    assert find_touches(panel, survey, often, nothing).episodes == 0
-
-
-def test_what_rings_is_no_touch(arm):
-    def slosh(t, q, dq):
-        since = np.maximum(t - 10.0, 0.0)
-        return 1.5 * (since > 0.0) * np.exp(-since / 3.0) * np.sin(2.0 * np.pi * 1.3 * since)
-
-    found = structure(arm, hidden=slosh)
-    assert found.findings == ()
-    assert [one.joints for one in found.unexplained] == [(1,)]
-
-
 def test_a_force_that_grows_with_another_joints_speed_is_no_dry_friction(arm):
     found = structure(arm, hidden=lambda t, q, dq: 0.9 * dq[:, 0])
     assert found.findings == ()
     assert (1,) in [one.joints for one in found.unexplained]
-
-
-def test_what_stands_out_no_more_than_the_rest_is_no_touch(arm):
-    log, rng = record(arm, 1), np.random.default_rng(0)
-    model = baseline_model(arm, [log])
-    panel = panel_of(model, [log])
-    survey = SimpleNamespace(smoothing=np.full(2, 2e-3), holds=np.array([0.5, 0.3]))
-    nothing, noise = np.zeros((len(panel), 2)), 0.01 * rng.standard_normal((len(panel), 2))
-    rows = np.arange(len(panel))
-    for shorter, episodes in ((2.0, 1), (5.0, 0)):
-        bursts = 1.0 * (np.abs(rows - 2000) < 20) + shorter * (np.abs(rows[:, None] - rows[500::900]) < 2).any(axis=1)
-        found = find_touches(panel, survey, noise + bursts[:, None] * np.array([0.0, 1.0]), nothing)
-        assert found.episodes == episodes
