@@ -42,7 +42,7 @@ class Truth:
     Attributes:
         name: name of the case, unique in a run.
         robot: its robot.
-        kind: set it belongs to: single, changed, pair, triple, nothing, foreign, added or deleted.
+        kind: set it belongs to: single, changed, pair, triple, nothing, foreign, tie, added or deleted.
         secrets: hidden effects.
         noise: standard deviation (n,) of the current's noise; on measured logs what a model leaves of them.
         known: RMS error (n,) on test logs of the model before, where what is hidden is known and taken away.

@@ -66,7 +66,7 @@ def benchmark(
         robots: vs060, ur10, panda, xarm7.
         styles: how they are moved and logged, taken in turn: usual, 500Hz, 50Hz, fourier, sinusoid, short,
             stop-and-go, noisy, sticks; all for every one of them but the last.
-        only: sets of cases (single, changed, pair, triple, nothing, foreign, measured) or names of effects.
+        only: sets of cases (single, changed, pair, triple, nothing, foreign, tie, measured) or names of effects.
         methods: who is asked.
         measured: folder of measured logs for half measured cases; default: the environment's SENSORLESS_MEASURED.
     """

@@ -18,7 +18,7 @@ from scipy.signal import lfilter
 from comparisons.hidden_effects import foreign  # noqa: F401  (enters the foreign laws)
 from comparisons.hidden_effects.laws import FOREIGN, LAWS, Scene, sign
 from comparisons.hidden_effects.severity import unabsorbed
-from comparisons.hidden_effects.styles import STYLES, reference
+from comparisons.hidden_effects.styles import POOR, STYLES, reference
 from comparisons.virtual_robot.figures import usual_torque
 from comparisons.virtual_robot.load import perturbed
 from ident.arrays import FloatArray
@@ -56,7 +56,7 @@ class Hidden:
 
 @dataclass(frozen=True)
 class Case:
-    """What is hidden in which robot, moved and logged in a style of `STYLES`.
+    """What is hidden in which robot, moved and logged in a style of `STYLES` or `POOR`.
 
     ``changed`` asks what changed since a model was identified.
     """
@@ -140,7 +140,7 @@ class Maker:
 
     def __init__(self, case: Case) -> None:
         self.case = case
-        self.style = STYLES[case.style]
+        self.style = {**STYLES, **POOR}[case.style]
         self.robot = robot_of(case.robot, case.gains_known)
         self.seed = int(hashlib.sha256(case.name.encode()).hexdigest()[:8], 16)
         rng = np.random.default_rng(self.seed)

@@ -45,11 +45,18 @@ STYLES = {
 }
 """What others' logs are like."""
 
+POOR = {
+    "creep": Style((("slow", 60.0),)),
+    "one-speed": Style((("narrow", 40.0),)),
+}
+"""Logs too poor to tell some effects from others: of slow motion alone, and of one small oscillation of every joint."""
+
 
 def reference(robot: Robot, kind: str, seconds: float, seed: int, rate: float) -> FloatArray:
-    """Commanded positions (N, n) of a kind of motion: ``slow``, or a protocol's name."""
-    if kind == "slow":
-        return _slow(robot, seconds, seed, rate)
+    """Commanded positions (N, n) of a kind of motion: ``slow``, ``narrow``, or a protocol's name."""
+    own = {"slow": _slow, "narrow": _narrow}
+    if kind in own:
+        return own[kind](robot, seconds, seed, rate)
     protocol = named(kind)(robot, seconds=seconds, seed=seed, rate=rate)
     return np.concatenate([block.q for block in protocol.blocks()])
 
@@ -57,12 +64,32 @@ def reference(robot: Robot, kind: str, seconds: float, seed: int, rate: float) -
 def _slow(robot: Robot, seconds: float, seed: int, rate: float) -> FloatArray:
     """Slow wandering of all joints with many reversals, at up to 0.1 rad/s, from rest to rest."""
     rng = np.random.default_rng(seed)
+    middle = _somewhere(robot, rng)
     t = np.arange(round(seconds * rate)) / rate
-    lower, upper = np.maximum(robot.limits.lower, -2.5), np.minimum(robot.limits.upper, 2.5)
-    middle = 0.5 * (lower + upper) + 0.2 * (upper - lower) * rng.uniform(-1, 1, robot.n)
     waves = np.zeros((len(t), robot.n))
     for period in (3.1, 7.3, 16.0):
         waves += 0.03 * period / (2 * np.pi) * np.sin(2 * np.pi * t[:, None] / period + rng.uniform(0, 6, robot.n))
+    return middle + _from_rest_to_rest(t, waves)
+
+
+def _narrow(robot: Robot, seconds: float, seed: int, rate: float) -> FloatArray:
+    """One oscillation of every joint by 0.1 to 0.2 rad, in 2 to 5 s, from rest to rest."""
+    rng = np.random.default_rng(seed)
+    middle = _somewhere(robot, rng)
+    t = np.arange(round(seconds * rate)) / rate
+    periods, sizes = rng.uniform(2.0, 5.0, robot.n), rng.uniform(0.1, 0.2, robot.n)
+    return middle + _from_rest_to_rest(t, sizes * np.sin(2 * np.pi * t[:, None] / periods))
+
+
+def _somewhere(robot: Robot, rng: np.random.Generator) -> FloatArray:
+    """Positions (n,) about the middle of the joints' ranges."""
+    lower, upper = np.maximum(robot.limits.lower, -2.5), np.minimum(robot.limits.upper, 2.5)
+    middle: FloatArray = 0.5 * (lower + upper) + 0.2 * (upper - lower) * rng.uniform(-1, 1, robot.n)
+    return middle
+
+
+def _from_rest_to_rest(t: FloatArray, waves: FloatArray) -> FloatArray:
+    """Waves (N, n) that rise and fade within 1.5 s."""
     fade = np.clip(np.minimum(t, t[-1] - t), 0.0, 1.5) / 1.5
-    path: FloatArray = middle + waves * (fade * fade * (3 - 2 * fade))[:, None]
+    path: FloatArray = waves * (fade * fade * (3 - 2 * fade))[:, None]
     return path

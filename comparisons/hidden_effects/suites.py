@@ -12,12 +12,13 @@ import numpy as np
 
 from comparisons.hidden_effects.cases import CHANGES, WHOLE_ROBOT, Case, Hidden, robot_of
 from comparisons.hidden_effects.laws import FOREIGN, LAWS
-from comparisons.hidden_effects.styles import STYLES
+from comparisons.hidden_effects.styles import POOR, STYLES
 from comparisons.virtual_robot.figures import link_torque, usual_torque
 from ident.arrays import BoolArray
 
-KINDS = ("single", "changed", "pair", "triple", "nothing", "foreign")
-"""Sets of cases; ``changed`` are single effects that show only against a model identified before."""
+KINDS = ("single", "changed", "pair", "triple", "nothing", "foreign", "tie")
+"""Sets of cases; ``changed`` are single effects that show only against a model identified before, ``tie`` single
+effects in logs too poor to tell some from others, of which those count whose name is left open."""
 
 STRUCTURAL = tuple(name for name in LAWS if name not in CHANGES)
 
@@ -80,6 +81,7 @@ def tasks(sizes: Sizes, seed: int, kinds: Sequence[str] = KINDS) -> list[Task]:
         "pair": lambda: _mixtures("pair", 2, sizes, seed),
         "triple": lambda: _mixtures("triple", 3, sizes, seed),
         "nothing": lambda: _nothing(sizes, seed),
+        "tie": lambda: _singles("tie", STRUCTURAL, replace(sizes, styles=tuple(POOR)), seed),
     }
     return [task for kind in KINDS if kind in kinds for task in made[kind]()]
 
@@ -100,7 +102,7 @@ def _singles(kind: str, effects: Sequence[str], sizes: Sizes, seed: int) -> Iter
             for severity in sizes.severities:
                 hidden = Hidden(effect, joint, severity)
                 style = sizes.styles[(first // 3 + number) % len(sizes.styles)]
-                if effect in AT_REST and STYLES[style].holds:
+                if effect in AT_REST and style in STYLES and STYLES[style].holds:
                     continue  # what dry friction holds hides it
                 case = Case(robot, (hidden,), 1000 * seed + number, changed=effect in CHANGES, style=style)
                 yield Task(kind, case)

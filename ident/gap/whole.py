@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -58,7 +58,8 @@ class Whole:
         standing: the same with the only coefficients that its law means, at the shape that suits those best, less what
             laws err by if that is where its law is another: a quick filter is a delay.
         p_value: chance of so good a candidate where there is nothing.
-        alternatives: names that explain nearly as much.
+        alternatives: names that explain nearly as much, with their fitted shapes.
+        joint: where it shows most.
     """
 
     effect: Effect
@@ -68,7 +69,8 @@ class Whole:
     likelihood: float
     standing: float
     p_value: float = 1.0
-    alternatives: tuple[str, ...] = ()
+    alternatives: Mapping[str, Trial] = field(default_factory=dict)
+    joint: int = 0
 
 
 def whole_effect(
@@ -125,7 +127,8 @@ def whole_effect(
         p_value = _p_value(panel, best, searches)
         if p_value <= LEVEL:
             own = [(searches[j].closest, single[j], likelihoods[j]) for j in helped.tolist()] if alone else []
-            return replace(best, p_value=p_value, alternatives=_alternatives(best, ranking, own))
+            others = _alternatives(best, ranking, own)
+            return replace(best, p_value=p_value, alternatives=others, joint=int(np.argmax(likelihoods)))
     return None
 
 
@@ -176,7 +179,7 @@ def _rivals(likelihoods: FloatArray, single: FloatArray, affected: BoolArray) ->
 
 def _alternatives(
     best: Whole, ranking: Sequence[Whole], own: Sequence[tuple[Trial | None, float, float]]
-) -> tuple[str, ...]:
+) -> dict[str, Trial]:
     """Names that explain nearly as much, or nearly so of a rival, whose laws are closer than either is to the truth.
 
     Args:
@@ -184,14 +187,14 @@ def _alternatives(
         ranking: all that were tried.
         own: joints' best effects instead, each with what it explains and what the cause does there.
     """
-    tried = [(other.effect, other.likelihood, best.likelihood) for other in ranking]
-    tried += [(trial.effect, explained, by_best) for trial, explained, by_best in own if trial is not None]
-    names = []
-    for other, explained, by_best in tried:
-        share = 1.0 - RIVAL_LAW if best.effect.rivals_with(other) else LAW
-        if other.name != best.effect.name and explained >= share * by_best:
-            names.append(other.name)
-    return tuple(dict.fromkeys(names))
+    tried = [(Trial(other.effect, other.shape, 0.0), other.likelihood, best.likelihood) for other in ranking]
+    tried += [(trial, explained, by_best) for trial, explained, by_best in own if trial is not None]
+    names: dict[str, Trial] = {}
+    for trial, explained, by_best in tried:
+        share = 1.0 - RIVAL_LAW if best.effect.rivals_with(trial.effect) else LAW
+        if trial.effect.name != best.effect.name and explained >= share * by_best:
+            names.setdefault(trial.effect.name, trial)
+    return names
 
 
 def _exhausts(panel: Panel, survey: Survey, problem: JointProblem, whole: Whole, joint: int) -> bool:

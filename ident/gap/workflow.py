@@ -335,7 +335,7 @@ class _Workflow:
 
     def report(self, causes: _Causes, contacts: Sequence[Touches]) -> GapReport:
         self.tell("settling names", 0.0)
-        findings = [self.whole_finding(w) for w in causes.wholes]
+        findings = [self.whole_finding(w, causes.gaps[w.joint], causes.named[w.joint]) for w in causes.wholes]
         nameless: list[Unexplained] = []
         errors = mistimed(self.model, self.panel, self.survey)
         before, after = (np.full((len(self.panel), self.model.n), np.nan) for _ in range(2))
@@ -408,8 +408,8 @@ class _Workflow:
         """The joint's rows before causes of the whole robot were taken away."""
         return replace(gap, target=self.gaps[gap.joint].target)
 
-    def whole_finding(self, whole: Whole) -> Finding:
-        """A cause of the whole robot; its figures are yet to come, with the delivered model."""
+    def whole_finding(self, whole: Whole, gap: JointGap, named: Sequence[Named]) -> Finding:
+        """A cause of the whole robot and the joint that shows most of it; its figures are yet to come."""
         effect = whole.effect
         term = Term(
             effect,
@@ -417,10 +417,14 @@ class _Workflow:
             whole.coefficients,
             *(np.full(k, np.nan) for k in (len(whole.coefficients), len(whole.shape))),
         )
-        others = whole.alternatives
-        words = next_experiment(effect.name, dict.fromkeys(others))
+        own = replace(gap, target=gap.target + columns_of(self.panel, whole, gap.joint))
+        besides, one = [n.trial for n in named], Trial(effect, whole.shape, 0.0)
+        experiments = {name: self.experiment(own, one, other, besides) for name, other in whole.alternatives.items()}
         joints = () if effect.joint is None else (effect.joint,)
-        return Finding(effect.name, effect.family, joints, {}, whole.p_value, others, words, (term,), np.inf)
+        return Finding(
+            effect.name, effect.family, joints, {}, whole.p_value, tuple(whole.alternatives),
+            next_experiment(effect.name, experiments), (term,), np.inf, motions=_settling(experiments),
+        )  # fmt: skip
 
     def joint_finding(self, gap: JointGap, named: Sequence[Named], one: Named, total: float) -> Finding:
         """A joint's own cause; its figures are yet to come, with the delivered model."""
@@ -435,7 +439,7 @@ class _Workflow:
             effect.name, effect.family, (gap.joint,), {}, one.p_value, tuple(rivals),
             next_experiment(effect.name, experiments), (term,), one.explained / max(total, 1e-300),
             negative_control(self.panel, gap, named, one),
-            {name: e.motion for name, e in experiments.items() if e is not None and e.settles},
+            _settling(experiments),
         )  # fmt: skip
 
     def experiment(self, gap: JointGap, one: Trial, other: Trial | None, besides: Sequence[Trial]) -> Experiment | None:
@@ -468,6 +472,11 @@ class _Workflow:
         views = [model.view(source) for source in self.train]
         found = fit(model.robot, effects, views, model.cutoff, drives, shapes=shapes, counts=self.rests.counts).model
         return replace(found, positions_only=model.positions_only)
+
+
+def _settling(experiments: Mapping[str, Experiment | None]) -> dict[str, str]:
+    """The motion that would settle a name against each alternative of which one would."""
+    return {name: e.motion for name, e in experiments.items() if e is not None and e.settles}
 
 
 def _contact(contacts: Sequence[Touches]) -> Finding:

@@ -16,6 +16,7 @@ from comparisons.hidden_effects.measured import measured_tasks
 from comparisons.hidden_effects.rates import Rate, Score
 from comparisons.hidden_effects.rivals import _merged, best_mae, frols, sparse_regression, stepwise_bic
 from comparisons.hidden_effects.scoring import Judged, calibration, confusion, curves, parameter_error, table
+from comparisons.hidden_effects.styles import POOR, reference
 from comparisons.hidden_effects.suites import SUITES, Sizes, Task, tasks
 from comparisons.hidden_effects.work import WORKFLOW, judged, work
 from ident.effects import load_catalogue
@@ -334,3 +335,11 @@ def test_what_is_not_there_is_said(tmp_path):
         bench.benchmark(out=tmp_path, methods=("guess",))
     with pytest.raises(InputError, match="no case of unknown-effect"):
         bench.benchmark(out=tmp_path, methods=(WORKFLOW,), only=("unknown-effect",))
+
+
+def test_ties_are_hidden_in_logs_too_poor_to_tell_them():
+    listed = tasks(Sizes(1, (2.0,), 1, 1, ("ur10",)), 3, ("tie",))
+    assert {task.case.style for task in listed} == set(POOR)
+    commanded = reference(robot_of("ur10"), "narrow", 10.0, 1, 100.0)
+    assert np.all(np.ptp(commanded, axis=0) < 0.41)
+    np.testing.assert_allclose(commanded[[0, -1]], commanded[[0, 0]], atol=1e-12)
