@@ -27,6 +27,7 @@ __all__ = [
     "differentiate",
     "late",
     "zero_phase",
+    "zero_phase_gain",
 ]
 
 NEGLIGIBLE_JITTER = 0.01
@@ -79,8 +80,7 @@ def zero_phase(x: FloatArray, rate: float, cutoff: float, order: int = 3) -> Flo
     check_cutoff(rate, cutoff)
     if len(x) < shortest(rate, cutoff, order):
         return np.full(x.shape, np.nan)
-    warped = np.tan(np.pi * cutoff / rate) * (np.sqrt(2.0) - 1.0) ** (-0.5 / order)
-    sections = scipy.signal.butter(order, 2.0 / np.pi * np.arctan(warped), output="sos")
+    sections = scipy.signal.butter(order, 2.0 / np.pi * np.arctan(_warped(rate, cutoff, order)), output="sos")
     period = max(2 * (order + 1), _period(rate, cutoff))
     before, after = _continuation(x[:period][::-1])[::-1], _continuation(x[-period:])
     padded = np.concatenate([before, x, after])
@@ -98,6 +98,16 @@ def _continuation(end: FloatArray) -> FloatArray:
     coefficients = np.linalg.lstsq(powers[:rows], end.reshape(rows, -1))[0]
     continued: FloatArray = powers[rows:] @ coefficients
     return continued.reshape(end.shape)
+
+
+def zero_phase_gain(hertz: FloatArray, rate: float, cutoff: float, order: int = 3) -> FloatArray:
+    """Return what `zero_phase` leaves of frequencies (k,) up to half the rate, in amplitude; arguments as there."""
+    return np.asarray(1.0 / (1.0 + (np.tan(np.pi * hertz / rate) / _warped(rate, cutoff, order)) ** (2 * order)))
+
+
+def _warped(rate: float, cutoff: float, order: int) -> float:
+    """Cut-off of each of two passes, on the bilinear transform's scale."""
+    return float(np.tan(np.pi * cutoff / rate) * (np.sqrt(2.0) - 1.0) ** (-0.5 / order))
 
 
 def shortest(rate: float, cutoff: float, order: int = 3) -> int:

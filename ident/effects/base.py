@@ -176,6 +176,7 @@ class Effect(ABC):
         needs: what of a fitted model its columns depend on: ``load``, ``links``, ``total``.
         besides: how many of its columns, the last ones, come with its law and alone are not it.
         rivals: names of effects that it is easily taken for.
+        softens: whether it takes from fast changes of the model's force, and so from noise of the accelerations in it.
         kind: what it shares with effects that, together, could be any law; a joint is given one of a kind.
         excitation: what the motion must contain for the effect to show.
     """
@@ -189,6 +190,7 @@ class Effect(ABC):
     needs: ClassVar[tuple[str, ...]] = ()
     besides: ClassVar[int] = 0
     rivals: ClassVar[tuple[str, ...]] = ()
+    softens: ClassVar[bool] = False
     kind: ClassVar[str] = ""
     excitation: ClassVar[str] = "motion of the joint"
     catalogue: ClassVar[dict[str, type[Effect]]] = {}

@@ -19,6 +19,8 @@ if TYPE_CHECKING:
 class _Timing(Effect):
     """An effect on the whole of the reported current, of one joint or of all."""
 
+    softens = True
+
     @classmethod
     def candidates(cls, survey: Survey, joint: int | None) -> list[Effect]:
         """Try it on single joints and on the whole robot."""

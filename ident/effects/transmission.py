@@ -242,6 +242,7 @@ class Elasticity(ToldAtLargest):
     family = "transmission"
     needs = ("load", "links")
     rivals = ("rotor-inertia", "delay", "backlash")
+    softens = True
     excitation = "fast motion: accelerations at a third of the resonance and above"
 
     @classmethod

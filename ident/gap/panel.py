@@ -20,6 +20,10 @@ from ident.walk import Block
 Scalar = TypeVar("Scalar", bound=np.generic)
 
 
+WHITE = 1.5
+"""How many times the square of what white noise makes of a force noise may make, which is not quite white."""
+
+
 @dataclass(frozen=True, eq=False)
 class Panel:
     """Rows of logs with what effects see of them.
@@ -31,6 +35,7 @@ class Panel:
         rows: the rows of each block that are looked at.
         fold: number of the fold (N,) that each row looked at belongs to.
         scale: force unit per unit of current, (n,).
+        jolts: standard deviation (n,) of each joint's force by noise of the accelerations, in force units.
     """
 
     robot: Robot
@@ -39,9 +44,14 @@ class Panel:
     rows: Sequence[IntArray]
     fold: IntArray
     scale: FloatArray
+    jolts: FloatArray
 
     def __len__(self) -> int:
         return len(self.fold)
+
+    def jolted(self, rows: FloatArray) -> FloatArray:
+        """Squared residual (n,) that noise of the accelerations may make in so many rows (n,) of each joint."""
+        return np.asarray(WHITE * rows * self.jolts**2)
 
     def seen_by(self, model: CurrentModel) -> Panel:
         """The same rows with what effects see of them under another model."""

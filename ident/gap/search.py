@@ -101,6 +101,7 @@ class Beside:
         moving = classes_of(panel, self.problem, self.joint) >= MOVING
         groups = [rows for rows, share in ((moving, FEW), (~moving, RESTS)) if rows.mean() > share]
         everywhere = self._helps(trial.errors.held_out) and agrees(self.problem, columns, groups)
+        everywhere = everywhere and self._is_no_noise(panel, trial)
         everywhere = everywhere and self._is_on_time(panel, trial, columns)
         everywhere = everywhere and self._is_itself(panel, trial, columns)
         return everywhere and self._shrinks(panel, trial) and self._repeats(panel, trial)
@@ -108,6 +109,11 @@ class Beside:
     def columns(self, panel: Panel, trial: Trial) -> FloatArray:
         """Columns (N, k) of a candidate in the rows that count."""
         return admissible(panel, self.problem, trial.effect, trial.shape, self.joint)
+
+    def _is_no_noise(self, panel: Panel, trial: Trial) -> bool:
+        """Whether it explains more than noise of the accelerations makes, which laws that soften force take away."""
+        rows = np.full(panel.robot.n, float(len(self.problem)))
+        return not trial.effect.softens or self.explained(trial) > float(panel.jolted(rows)[self.joint])
 
     def _is_on_time(self, panel: Panel, trial: Trial, columns: FloatArray) -> bool:
         """Whether what a delay or a filter predicts is there at any pace; of other laws that is not asked."""

@@ -98,13 +98,14 @@ def whole_effect(
     best_single = np.minimum(squares, [s.best_error for s in searches])
     single = _likelihoods(problems, squares, best_single)
     affected = _gains(squares, best_single) > GAIN
+    noise = panel.jolted(np.array([float(len(p)) for p in problems]))
     candidates = forms(survey, None, present)
     tried = in_threads(lambda e: _try(panel, problems, e, _starts(panel, searches, e), before), candidates)
     ranking = _ranked([w for w in tried if w is not None])
     for best in ranking:
         after = best.held_out.sum(axis=1)
         gains = _gains(squares, after)
-        helped = np.flatnonzero(gains > GAIN)
+        helped = np.flatnonzero((gains > GAIN) & (squares - after > noise * best.effect.softens))
         # In every fold the joints together must gain: where some move little, others bear it out.
         repeats = falls(np.log(np.maximum(before, TINY) / np.maximum(best.held_out, TINY)).sum(axis=0))
         if len(helped) == 0 or gains.min() < -GAIN or not repeats:
