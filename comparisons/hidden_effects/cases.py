@@ -206,7 +206,8 @@ class Maker:
         """Find the strength that has the severity; secant steps on the logarithm.
 
         Raises:
-            ValueError: no strength has it: friction does not turn round, and gears do not wind up by radians.
+            ValueError: no strength has it: friction does not turn round, gears do not wind up by radians, and what is
+                to show in a creep is no more than the joint usually carries when it moves as fast as others do.
         """
         joints = range(self.robot.n) if hidden.joint is None else [hidden.joint]
 
@@ -223,6 +224,11 @@ class Maker:
         else:
             if abs(severity(a) / hidden.severity - 1.0) > 0.2:
                 raise ValueError(f"{hidden.effect} does not reach severity {hidden.severity:g} in these logs")
+        if self.case.style in POOR:
+            fast = self.scene([reference(self.robot, "fourier", 20.0, self.case.seed, self.style.rate)])
+            there = np.sqrt(np.mean(self.effect(hidden, fast, a)[0] ** 2, axis=0))
+            if any(there[j] > self.usual[j] for j in joints):
+                raise ValueError(f"{hidden.effect} in severity {hidden.severity:g} would be more than joints carry")
         return a
 
     def unmodelled(self, scenes: Sequence[Scene], forces: Sequence[FloatArray], j: int) -> float:
