@@ -29,6 +29,11 @@ class Weighing(Effect):
         """Try it on the whole robot."""
         return [cls(None, tuple(survey.per_newton_metre.tolist()))] if joint is None else []
 
+    @property
+    def rough(self) -> bool:
+        """Whether the gains are unknown: force units per N m are then as wrong as the URDF's links."""
+        return any(one != 1.0 for one in self.per_newton_metre)
+
     def in_force_units(self, columns: FloatArray) -> FloatArray:
         """Return columns (N, n, k) in N m in the model's force units."""
         return columns * np.array(self.per_newton_metre)[:, None] if self.per_newton_metre else columns
@@ -74,6 +79,11 @@ class BaseTilt(Weighing):
     family = "rigid-body"
     rivals = ("payload", "current-offset")
     excitation = "static poses all around the first axis"
+
+    @property
+    def rough(self) -> bool:
+        """It is: the links are the URDF's."""
+        return True
 
     def coefficients(self, robot: Robot) -> tuple[Coefficient, ...]:
         """Return the two angles."""

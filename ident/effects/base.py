@@ -265,6 +265,11 @@ class Effect(ABC):
         names = [s.name for s in self.shapes] + [c.name for c in self.coefficients(robot)]
         return dict(zip(names, [*shape.tolist(), *coefficients.tolist()], strict=True))
 
+    @property
+    def rough(self) -> bool:
+        """Whether what it adds is known but for a factor near one on each joint."""
+        return False
+
     def plain(self, shape: FloatArray) -> FloatArray | None:
         """Return the only coefficients that its law means at a shape; None, the default, where it means any."""
         return None

@@ -83,6 +83,13 @@ class JointGap:
         """The same with some rows (N,) left out."""
         return replace(self, keep=self.keep & ~rows)
 
+    def knowing(self, panel: Panel, effect: Effect, force: FloatArray) -> JointGap:
+        """The same without the force (N,) of a cause of the whole robot; of one that is rough, as much as is there."""
+        problem = self.problem(panel)
+        column = problem.of(force[:, None])
+        there = float(problem.fit(column)[-1]) if effect.rough and problem.drop(column) > 0.0 else 1.0
+        return replace(self, target=self.target - there * force, present=(*self.present, effect))
+
     def moving(self, panel: Panel, rests: BoolArray) -> JointGap:
         """The same with rests (N,) left out: hardly a row is left in which the sign turns to tell how it does."""
         edge = self.matrix[:, self.matrix.shape[1] - self.nuisance :]

@@ -268,10 +268,8 @@ class _Workflow:
 
     def without(self, gaps: Sequence[JointGap], whole: Whole) -> list[JointGap]:
         """Every joint's rows with a cause of the whole robot, which none has once more, taken away."""
-        return [
-            replace(g, target=g.target - columns_of(self.panel, whole, g.joint), present=(*g.present, whole.effect))
-            for g in gaps
-        ]
+        added = (columns_of(self.panel, whole, gap.joint) for gap in gaps)
+        return [gap.knowing(self.panel, whole.effect, force) for gap, force in zip(gaps, added, strict=True)]
 
     def attributed(self, searches: Sequence[Search]) -> list[Search]:
         """Every joint's search beside its own causes, from those with nothing named."""
