@@ -104,8 +104,8 @@ class FilterLag(_Timing):
         return (Shape("hertz", "Hz", 0.2, 40.0, (8.0, 1.0, 3.0, 20.0)),)
 
     def coefficients(self, robot: Robot) -> tuple[Coefficient, ...]:
-        """Return the share of the current that passes the filter; one for a plain low pass, most in any."""
-        return (Coefficient("share", "1", lower=0.5),)
+        """Return the share of the current that passes the filter; one for a plain low pass."""
+        return (Coefficient("share", "1", lower=0.0),)
 
     def plain(self, shape: FloatArray) -> FloatArray | None:
         """Return one: all of the current passes the filter."""

@@ -10,6 +10,7 @@ from scipy.ndimage import binary_dilation
 from ident.arrays import BoolArray, FloatArray
 from ident.effects.base import Survey
 from ident.gap.abstain import explainable
+from ident.gap.candidates import coefficients
 from ident.gap.constancy import inconstancy
 from ident.gap.counts import counted_force
 from ident.gap.gate import FAST, MOVING
@@ -44,13 +45,16 @@ AROUND = 0.15
 TURNS = 0.1
 """Seconds around a row in which a joint is slow or turns that go with it: its friction jumps there."""
 
+MOST = 0.5
+"""Share of what a law means that must be there for its name."""
+
 WORTH_SAYING = 0.06
 """Share of a joint's squared residual that must be explainable for it to be called unexplained."""
 
 
 def believed(panel: Panel, survey: Survey, gap: JointGap, named: Sequence[Named]) -> list[Named]:
     """The names of a joint whose coefficients are constant; none if they leave much of what could be explained."""
-    names = list(named)
+    names = [one for one in named if _mostly(panel, gap, one, named)]
     while names and (allowed := _allowed(panel, survey, gap, names)) is not None:
         varies = inconstancy(panel, survey, gap, names)
         worst = int(np.argmax(varies))
@@ -58,6 +62,15 @@ def believed(panel: Panel, survey: Survey, gap: JointGap, named: Sequence[Named]
             return names
         del names[worst]
     return []
+
+
+def _mostly(panel: Panel, gap: JointGap, one: Named, named: Sequence[Named]) -> bool:
+    """Whether most of what a law means is there, as of a current that comes late or passes a filter."""
+    meant = one.effect.plain(one.trial.shape)
+    if meant is None:
+        return True
+    problem = gap.problem(panel, [other.trial for other in named if other is not one])
+    return bool(np.all(coefficients(panel, problem, one.trial, gap.joint) > MOST * meant))
 
 
 def _allowed(panel: Panel, survey: Survey, gap: JointGap, named: list[Named]) -> float | None:

@@ -227,7 +227,7 @@ class _Workflow:
         if sharp is not None:
             found = attribute(self.panel, self.survey, search(self.panel, self.survey, sharp))
             names, withdrawn = self.parted(found)
-            if names:
+            if names or (withdrawn and not doubted):
                 return sharp, names, withdrawn
         bold = None if doubted else last.winner(self.panel, certain=False)
         return last.gap, [], doubted if bold is None else [bold]
