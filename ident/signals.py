@@ -101,7 +101,14 @@ def _continuation(end: FloatArray) -> FloatArray:
 
 
 def zero_phase_gain(hertz: FloatArray, rate: float, cutoff: float, order: int = 3) -> FloatArray:
-    """Return what `zero_phase` leaves of frequencies (k,) up to half the rate, in amplitude; arguments as there."""
+    """Return what `zero_phase` leaves of frequencies, in amplitude, (k,).
+
+    Args:
+        hertz: frequencies (k,), below half the rate.
+        rate: samples a second [Hz].
+        cutoff: of the filter [Hz].
+        order: of each pass.
+    """
     return np.asarray(1.0 / (1.0 + (np.tan(np.pi * hertz / rate) / _warped(rate, cutoff, order)) ** (2 * order)))
 
 

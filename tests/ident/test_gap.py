@@ -14,13 +14,13 @@ from ident.effects import load_catalogue
 from ident.effects.friction import Coulomb, Stribeck
 from ident.fit import Drives, fit
 from ident.gap import baseline, baseline_model, belief, find_gap
-from ident.gap.candidates import kind_of
+from ident.gap.candidates import Trial, kind_of
 from ident.gap.edge import edge_columns, with_less_edge
 from ident.gap.gate import Gate
-from ident.gap.joint_gap import JointGap
+from ident.gap.joint_gap import JointGap, Named
 from ident.gap.problem import JointProblem
 from ident.gap.rests import no_rests
-from ident.gap.rows import panel_of
+from ident.gap.rows import held_of, panel_of
 from ident.gap.search import Search
 from ident.gap.smoothing import Smoothed
 from ident.gap.velocity_lag import velocity_lag
@@ -178,10 +178,27 @@ def test_what_lasts_and_follows_no_signal_is_unexplained(arm):
 @pytest.mark.parametrize(("share", "kept"), [(0.03, ["cogging", "stribeck"]), (None, [])])
 def test_a_name_that_varies_is_withdrawn_and_the_others_stay_if_they_explain_enough(monkeypatch, share, kept):
     catalogue, varies = load_catalogue(), {"stribeck": 0.01, "viscous-nonlinear": 0.2, "cogging": 0.0}
-    named = [catalogue[name](0) for name in ("cogging", "viscous-nonlinear", "stribeck")]
-    monkeypatch.setattr(belief, "inconstancy", lambda panel, survey, gap, names: [varies[n.name] for n in names])
+    named = [
+        Named(Trial(catalogue[name](0), np.ones(2), 0.0), 0.0, 0.0)
+        for name in ("cogging", "viscous-nonlinear", "stribeck")
+    ]
+    monkeypatch.setattr(belief, "inconstancy", lambda panel, survey, gap, names: [varies[n.effect.name] for n in names])
     monkeypatch.setattr(belief, "_allowed", lambda panel, survey, gap, names: 0.03 if len(names) > 2 else share)
-    assert [one.name for one in belief.believed(None, None, None, named)] == kept
+    assert [one.effect.name for one in belief.believed(None, None, None, named)] == kept
+
+
+@pytest.mark.parametrize(("name", "at"), [("filter-lag", 3.0), ("delay", 0.02)])
+@pytest.mark.parametrize(("share", "kept"), [(0.3, 0), (0.8, 1)])
+def test_a_delay_or_a_filter_of_a_part_of_the_current_is_no_name(arm, monkeypatch, name, at, share, kept):
+    train, effect, shape = logs(arm, 1), load_catalogue()[name](1), np.array([at])
+    model = baseline_model(arm, train)
+    panel = panel_of(model, train)
+    gap = held_of(model, panel, 1)
+    force = panel.columns(effect, shape, 1) @ effect.plain(shape)
+    named = Named(Trial(effect, shape, 0.0), 0.0, 0.0)
+    monkeypatch.setattr(belief, "inconstancy", lambda panel, survey, gap, names: [0.0 for _ in names])
+    monkeypatch.setattr(belief, "_allowed", lambda panel, survey, gap, names: 1.0)
+    assert len(belief.believed(panel, None, replace(gap, target=share * force), [named])) == kept
 
 
 def hunts(t, q, dq):
