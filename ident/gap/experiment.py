@@ -89,9 +89,7 @@ def with_motion(model: CurrentModel, panel: Panel, commanded: JointLog) -> tuple
     fold = np.zeros(added + sum(len(r[::thin]) for r in panel.rows), dtype=np.int64)
     fold[1::2] = 1
     rows = [*(r[::thin] for r in panel.rows), *own]
-    joined = Panel(
-        panel.robot, [*panel.blocks, *blocks], [*panel.contexts, *contexts], rows, fold, panel.scale, panel.jolts
-    )
+    joined = Panel(panel.model, [*panel.blocks, *blocks], [*panel.contexts, *contexts], rows, fold)
     return joined, added
 
 

@@ -85,9 +85,11 @@ class JointGap:
 
     def knowing(self, panel: Panel, effect: Effect, force: FloatArray) -> JointGap:
         """The same without the force (N,) of a cause of the whole robot; of one that is rough, as much as is there."""
-        problem = self.problem(panel)
-        column = problem.of(force[:, None])
-        there = float(problem.fit(column)[-1]) if effect.rough and problem.drop(column) > 0.0 else 1.0
+        there = 1.0
+        if effect.rough:
+            problem = self.problem(panel)
+            column = problem.of(force[:, None])
+            there = float(problem.fit(column)[-1]) if problem.drop(column) > 0.0 else 1.0
         return replace(self, target=self.target - there * force, present=(*self.present, effect))
 
     def moving(self, panel: Panel, rests: BoolArray) -> JointGap:

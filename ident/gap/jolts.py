@@ -9,10 +9,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from scipy.ndimage import uniform_filter1d
 
 from ident.arrays import FloatArray, IntArray
-from ident.gap.unsure import AROUND
+from ident.gap.sensor_noise import removed_square, velocities_used
 from ident.model import CurrentModel
 from ident.signals import Motion, zero_phase_gain
 from ident.walk import Block
@@ -51,12 +50,9 @@ def _noise(model: CurrentModel, block: Block, rows: IntArray) -> FloatArray:
     In motion that is usual: sharp turns are no noise.
     """
     rate = block.log.rate
-    logged = None if model.positions_only else block.log.dq
-    removed = block.removed if logged is None else logged - block.motion.dq
-    around = max(3, round(AROUND * rate))
-    square = uniform_filter1d(np.nan_to_num(removed) ** 2, around, axis=0, mode="nearest")
+    usual = np.median(removed_square(model, block)[rows], axis=0)
     hertz = np.linspace(0.0, 0.49 * rate, FREQUENCIES)
     gain = zero_phase_gain(hertz, rate, model.cutoff)
-    slope = (2.0 * np.pi * hertz) ** (2 if logged is None else 1)
+    slope = (2.0 * np.pi * hertz) ** (2 if velocities_used(model, block) is None else 1)
     per_square = np.mean((slope * gain) ** 2) / np.mean((1.0 - gain) ** 2)
-    return np.asarray(np.sqrt(np.median(np.maximum(square, 0.0)[rows], axis=0) * per_square))
+    return np.asarray(np.sqrt(usual * per_square))

@@ -12,6 +12,7 @@ import numpy.typing as npt
 
 from ident.arrays import FloatArray, IntArray
 from ident.effects.base import Context, Effect
+from ident.gap.jolts import jolts
 from ident.model import CurrentModel
 from ident.robot import Robot
 from ident.signals import Motion
@@ -29,29 +30,36 @@ class Panel:
     """Rows of logs with what effects see of them.
 
     Attributes:
-        robot: the robot.
+        model: by whose gains and filter they were gathered.
         blocks: stretches of the logs; every one starts effects with memory anew.
         contexts: what effects see of each block, all its rows.
         rows: the rows of each block that are looked at.
         fold: number of the fold (N,) that each row looked at belongs to.
-        scale: force unit per unit of current, (n,).
-        jolts: standard deviation (n,) of each joint's force by noise of the accelerations, in force units.
     """
 
-    robot: Robot
+    model: CurrentModel
     blocks: Sequence[Block]
     contexts: Sequence[Context]
     rows: Sequence[IntArray]
     fold: IntArray
-    scale: FloatArray
-    jolts: FloatArray
 
     def __len__(self) -> int:
         return len(self.fold)
 
-    def jolted(self, rows: FloatArray) -> FloatArray:
-        """Squared residual (n,) that noise of the accelerations may make in so many rows (n,) of each joint."""
-        return np.asarray(WHITE * rows * self.jolts**2)
+    @property
+    def robot(self) -> Robot:
+        """The robot."""
+        return self.model.robot
+
+    @cached_property
+    def jolts(self) -> FloatArray:
+        """Standard deviation (n,) of each joint's force by noise of the accelerations, in force units."""
+        return jolts(self.model, self.blocks, self.rows)
+
+    @property
+    def jolted(self) -> FloatArray:
+        """Squared residual (n,) a row that this noise may make."""
+        return np.asarray(WHITE * self.jolts**2)
 
     def seen_by(self, model: CurrentModel) -> Panel:
         """The same rows with what effects see of them under another model."""
@@ -113,7 +121,7 @@ class Panel:
     @cached_property
     def force(self) -> FloatArray:
         """Measured current in force units, (N, n)."""
-        return self.gather(lambda block: block.log.current) * self.scale
+        return self.gather(lambda block: block.log.current) * self.model.gain
 
     @cached_property
     def velocity(self) -> FloatArray:

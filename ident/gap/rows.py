@@ -11,7 +11,6 @@ from ident.effects.base import Survey
 from ident.effects.friction import Coulomb, VelocityEffect, Viscous
 from ident.gap.edge import edge_columns
 from ident.gap.joint_gap import JointGap
-from ident.gap.jolts import jolts
 from ident.gap.panel import Panel
 from ident.log import LogSource
 from ident.model import CurrentModel
@@ -40,8 +39,7 @@ def panel_of(model: CurrentModel, sources: Sequence[LogSource], limit: int = ROW
     every = max(1, -(-total // limit))
     rows = [np.flatnonzero(block.keep)[::every] for block in blocks]
     contexts = [model.context(block.motion, total=True) for block in blocks]
-    shaken = jolts(model, blocks, rows)
-    return Panel(model.robot, blocks, contexts, rows, _folds(blocks, rows), model.gain, shaken)
+    return Panel(model, blocks, contexts, rows, _folds(blocks, rows))
 
 
 def survey_of(model: CurrentModel, panel: Panel) -> Survey:

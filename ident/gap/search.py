@@ -112,8 +112,7 @@ class Beside:
 
     def _is_no_noise(self, panel: Panel, trial: Trial) -> bool:
         """Whether it explains more than noise of the accelerations makes, which laws that soften force take away."""
-        rows = np.full(panel.robot.n, float(len(self.problem)))
-        return not trial.effect.softens or self.explained(trial) > float(panel.jolted(rows)[self.joint])
+        return not trial.effect.softens or self.explained(trial) > len(self.problem) * float(panel.jolted[self.joint])
 
     def _is_on_time(self, panel: Panel, trial: Trial, columns: FloatArray) -> bool:
         """Whether what a delay or a filter predicts is there at any pace; of other laws that is not asked."""

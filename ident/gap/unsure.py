@@ -10,6 +10,7 @@ from ident.effects.base import Survey
 from ident.effects.friction import Coulomb
 from ident.gap.counts import encoder_counts
 from ident.gap.panel import Panel
+from ident.gap.sensor_noise import removed_square, velocities_used
 from ident.model import CurrentModel
 from ident.signals import derivative_noise, derive
 from ident.walk import Block
@@ -23,9 +24,6 @@ WORST = 0.5
 BEYOND = 1.6
 """By how many times what the noise makes, RMS, these rows may err before that is no longer noise (.7 to 1.4 in logs
 without an effect, 2.4 with a delay of the current's noise)."""
-
-AROUND = 0.25
-"""Seconds around a row over which the noise of its velocity is told: counts that stand still make none at rest."""
 
 
 def unsure_rows(model: CurrentModel, panel: Panel, survey: Survey, residual: FloatArray) -> BoolArray:
@@ -97,12 +95,8 @@ def velocity_noise(model: CurrentModel, block: Block) -> FloatArray:
     """
     cutoff, rate = model.cutoff, block.log.rate
     share = min(2.0 * cutoff / rate, 0.9)
-    logged = None if model.positions_only else block.log.dq
-    removed = block.removed if logged is None else logged - block.motion.dq
-    around = max(3, round(AROUND * rate))
-    square = uniform_filter1d(np.nan_to_num(removed) ** 2, around, axis=0, mode="nearest")
-    noise = np.sqrt(np.maximum(square, 0.0) / (1.0 - share))
-    if logged is not None:
+    noise = np.sqrt(removed_square(model, block) / (1.0 - share))
+    if velocities_used(model, block) is not None:
         return np.asarray(noise * np.sqrt(share))
     return np.asarray(np.hypot(derivative_noise(noise, cutoff, rate), _counted(block, cutoff)))
 

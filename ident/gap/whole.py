@@ -98,7 +98,7 @@ def whole_effect(
     best_single = np.minimum(squares, [s.best_error for s in searches])
     single = _likelihoods(problems, squares, best_single)
     affected = _gains(squares, best_single) > GAIN
-    noise = panel.jolted(np.array([float(len(p)) for p in problems]))
+    noise = panel.jolted * [len(p) for p in problems]
     candidates = forms(survey, None, present)
     tried = in_threads(lambda e: _try(panel, problems, e, _starts(panel, searches, e), before), candidates)
     ranking = _ranked([w for w in tried if w is not None])
