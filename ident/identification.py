@@ -177,7 +177,7 @@ def _identify(
 
 def _seen(robot: Robot, start: Start, train: Sequence[LogSource], choose: bool) -> tuple[Start, Foreseen]:
     """The start with the signs and sources of velocity and, if it is to be chosen, the cut-off that predict best."""
-    found = foreseen(start.model(robot), train, choose)
+    found = foreseen(start.model(robot), train, choose, turns=False)
     effects = [_turning(old, term.effect) for old, term in zip(start.effects, found.model.terms, strict=True)]
     hertz = found.model.cutoff
     cutoff = start.cutoff
@@ -185,7 +185,7 @@ def _seen(robot: Robot, start: Start, train: Sequence[LogSource], choose: bool) 
         cutoff = CutoffChoice(hertz, f"{hertz:.3g} Hz: rows held out are predicted best with it")
     start = replace(start, effects=effects, cutoff=cutoff)
     # A sign that turns elsewhere than the joint's own looks like friction that holds.
-    rests = find_rests(found.model, train) if found.rests.joints else found.rests
+    rests = find_rests(found.model, train, turns=False) if found.rests.joints else found.rests
     return start, replace(found, rests=rests)
 
 

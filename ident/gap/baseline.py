@@ -78,15 +78,16 @@ class Foreseen:
     rests: Rests
 
 
-def foreseen(model: CurrentModel, train: Sequence[LogSource], choose: bool) -> Foreseen:
+def foreseen(model: CurrentModel, train: Sequence[LogSource], choose: bool, turns: bool = True) -> Foreseen:
     """Let a plain model see logs as it predicts rows held out best.
 
     Args:
         model: links, rotors, offsets, Coulomb and viscous friction, fitted to the logs.
         train: the logs.
         choose: whether the cut-off is chosen, too.
+        turns: whether rows in which a joint yields as it turns may be left out.
     """
-    rests = find_rests(model, train)
+    rests = find_rests(model, train, turns)
     logged = any(block.dq is not None for source in train for block in itertools.islice(source.blocks(2), 1))
     logs = _Logs(train, logged, rests)
     best = _best_velocities(model, logs)

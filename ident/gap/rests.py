@@ -10,15 +10,17 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.ndimage import binary_dilation, binary_opening, label, maximum_filter1d, minimum_filter1d
+from scipy.ndimage import label
 
 from ident.arrays import BoolArray, FloatArray, IntArray
 from ident.effects.base import Survey
 from ident.gap.candidates import Trial, admissible, best_start, coefficients, forms, refine
 from ident.gap.joint_gap import JointGap
 from ident.gap.panel import Panel
+from ident.gap.problem import JointProblem
 from ident.gap.rows import gap_of, panel_of, survey_of
 from ident.gap.spectrum import spectral_line
+from ident.gap.standing import hardly_moved, lasts, stands
 from ident.gap.touch import row_step
 from ident.gap.unsure import shaken, turning
 from ident.log import LogSource
@@ -28,17 +30,14 @@ from ident.walk import Block
 STANDS, OF_MEAN = 5e-3, 0.05
 """A joint slower than this [rad/s or m/s], and than this share of its mean speed, stands."""
 
-SMEARED, DIP = 4.0, 0.25
-"""A stop may be smeared to so many times that speed, where it is this share of the speeds before and after it."""
-
 AROUND = 1.0
 """Periods of the cut-off around a rest that go with it: derived velocities are smoothed, and turn too early or late."""
 
 RESTS, MOVES = 0.02, 0.03
 """Share of the rows that must be rests for them to be looked at, and motion for it to tell what is usual."""
 
-LASTS, MOSTLY = 0.1, 0.5
-"""A joint that sticks stands for so many seconds in this share of its slow rows; one that turns round does not."""
+MOSTLY = 0.5
+"""A joint that sticks stands for long in this share of its slow rows; one that turns round does not."""
 
 STICKS = 9.0
 """A joint sticks if its mean square is this many times larger in rests than in motion, that motion being fitted."""
@@ -66,11 +65,17 @@ that line in a rest: with fewer the line tells how long rests last."""
 EXPLAINED = 0.9
 """Share of the rests' squares that an effect must explain for them to tell of it."""
 
+TRIED, MOST = 4, 0.5
+"""Laws of what follows turns whose shapes are searched, and share of it that the best of them leaves at most."""
+
 SEVERAL = 4.0
 """Rests without which none of them is told of: one level is explained by anything."""
 
 SLIP = 1e-3
 """Displacement [rad or m] before a joint slips below which it sticks: dry friction yields by that much in its gears."""
+
+TURNS = 0.2
+"""Share of rows, at most, in which a joint has hardly moved since it turned round, for that to be asked."""
 
 TELLING = ("hysteresis", "rigid-body", "friction", "timing")
 """Families of effects that may act on a joint that stands; ripples fit whatever a few poses hold."""
@@ -78,17 +83,19 @@ TELLING = ("hysteresis", "rigid-body", "friction", "timing")
 
 @dataclass(frozen=True, eq=False)
 class Rests:
-    """Which joints stick, and when.
+    """Which joints stick, and when; and which yield before they slip.
 
     Attributes:
         sticks: joints (n,) whose dry friction holds them while they stand.
-        may: joints (n,) that stand and move enough for that to be asked.
+        yields: joints (n,) whose dry friction builds up over less than `SLIP` as they turn round.
+        may: joints (n,) that stand and move enough for it to be asked whether they stick.
         slow: speed (n,) below which a joint stands.
         most: force (n,) that its dry friction holds at most.
         around: seconds around a rest that go with it.
     """
 
     sticks: BoolArray
+    yields: BoolArray
     may: BoolArray
     slow: FloatArray
     most: FloatArray
@@ -96,8 +103,8 @@ class Rests:
 
     @property
     def joints(self) -> tuple[int, ...]:
-        """Joints, from 0, whose rests are left out."""
-        return tuple(np.flatnonzero(self.sticks).tolist())
+        """Joints, from 0, whose rests are left out, or what follows their turns."""
+        return tuple(np.flatnonzero(self.sticks | self.yields).tolist())
 
     def also(self, joints: Sequence[int]) -> Rests:
         """The same with those of further joints, from 0, that may stick."""
@@ -107,64 +114,33 @@ class Rests:
 
     def counts(self, block: Block) -> BoolArray:
         """Whether each joint's row of a block (N, n) counts."""
-        return ~stands(block, np.where(self.sticks, self.slow, 0.0), self.around)
+        standing = stands(block, np.where(self.sticks, self.slow, 0.0), self.around)
+        return ~(standing | hardly_moved(block, np.where(self.yields, SLIP, 0.0)))
 
     def beyond(self, joint: int, left: FloatArray) -> FloatArray:
         """The part of a resting joint's residuals (M,) that its dry friction cannot hold."""
         return np.asarray(np.sign(left) * np.maximum(np.abs(left) - self.most[joint], 0.0))
 
 
-def stands(block: Block, speed: FloatArray, around: float) -> BoolArray:
-    """Rows (N, n) of a block in which, or within seconds of which, each joint is slower than a speed (n,) or turns.
-
-    So are those of a stop so short that the derivatives' filter smears it.
-    """
-    velocity, pace = block.motion.dq, np.abs(block.motion.dq)
-    # A quick turn has no sample as slow as that.
-    turns = (velocity[1:] * velocity[:-1] < 0.0) & (speed > 0.0)
-    if len(pace) < 2:
-        return pace < speed
-    rows = max(1, round(around * block.log.rate))
-    slow = (pace < speed) | ((pace < SMEARED * speed) & _dips(pace, rows))
-    slow[1:] |= turns
-    slow[:-1] |= turns
-    if not slow.any():
-        return slow
-    return np.asarray(binary_dilation(slow, np.ones((2 * rows + 1, 1), dtype=bool)), dtype=bool)
-
-
-def _dips(pace: FloatArray, rows: int) -> BoolArray:
-    """Rows (N, n) at which speeds are least among so many rows on either side, and far less than on both."""
-    known, half = np.nan_to_num(pace), (rows + 1) // 2
-    before, after = (maximum_filter1d(known, 2 * half + 1, axis=0, mode="nearest", origin=o) for o in (half, -half))
-    least = minimum_filter1d(known, 2 * rows + 1, axis=0, mode="nearest")
-    return np.asarray((known <= least) & (known < DIP * np.minimum(before, after)), dtype=bool)
-
-
-def lasts(block: Block, speed: FloatArray) -> BoolArray:
-    """Rows (N, n) of a block in which each joint is slower than a speed (n,) for long."""
-    long = np.ones((max(1, round(LASTS * block.log.rate)), 1), dtype=bool)
-    return np.asarray(binary_opening(np.abs(block.motion.dq) < speed, long), dtype=bool)
-
-
 def no_rests(n: int) -> Rests:
     """No joint sticks."""
     nobody = np.zeros(n, dtype=bool)
-    return Rests(nobody, nobody, np.zeros(n), np.zeros(n), 0.0)
+    return Rests(nobody, nobody, nobody, np.zeros(n), np.zeros(n), 0.0)
 
 
-def find_rests(model: CurrentModel, sources: Sequence[LogSource]) -> Rests:
+def find_rests(model: CurrentModel, sources: Sequence[LogSource], turns: bool = True) -> Rests:
     """Find the joints that stick in logs, given a plain model of them.
 
     Args:
         model: links, rotors, offsets, Coulomb and viscous friction, fitted to the logs.
         sources: the logs.
+        turns: whether those that yield as they turn are asked for, too: a model that may get a memory learns from that.
     """
     panel = panel_of(model, sources)
-    return rests_of(model, panel, survey_of(model, panel))
+    return rests_of(model, panel, survey_of(model, panel), turns)
 
 
-def rests_of(model: CurrentModel, panel: Panel, survey: Survey) -> Rests:
+def rests_of(model: CurrentModel, panel: Panel, survey: Survey, turns: bool = True) -> Rests:
     """Find the joints that stick, the model's columns being fitted again: what has changed would hide what is held."""
     gaps = [gap_of(model, panel, j) for j in range(model.n)]
     speed = np.minimum(STANDS, OF_MEAN * survey.pace)
@@ -184,19 +160,45 @@ def rests_of(model: CurrentModel, panel: Panel, survey: Survey) -> Rests:
     if np.mean(sticks) >= TOGETHER[0]:
         sticks = [one or sticking(gap, TOGETHER[1]) for one, gap in zip(sticks, gaps, strict=True)]
     everyone = np.sum(sticks) >= ALL * may.sum()
-    return Rests(may if everyone else np.array(sticks), may, speed, HELD * survey.holds, around)
+    stuck = may if everyone else np.array(sticks)
+    yields = ~stuck & _yielding(panel, survey, gaps, noise) if turns else np.zeros(model.n, dtype=bool)
+    return Rests(stuck, yields, may, speed, HELD * survey.holds, around)
+
+
+def _yielding(panel: Panel, survey: Survey, gaps: Sequence[JointGap], noise: FloatArray) -> BoolArray:
+    """Joints (n,) that err far more where they have hardly moved since they turned round than elsewhere."""
+    turned = panel.gather(lambda block: hardly_moved(block, np.full(len(gaps), SLIP)))
+    asked = (turned.mean(axis=0) <= TURNS) & turned.any(axis=0)
+
+    def yields(gap: JointGap, times: float) -> bool:
+        j = gap.joint
+        if not asked[j]:
+            return False
+        usual, held, by_noise = _contrast(panel, gap, turned[:, j], noise[:, j])
+        holds = times * usual + SHAKEN * by_noise <= held <= (HELD * survey.holds[j]) ** 2 + usual
+        return holds and _slips(panel, survey, gap, turned[:, j])
+
+    found = [yields(gap, STICKS) for gap in gaps]
+    if np.mean(found) >= TOGETHER[0]:
+        found = [one or yields(gap, TOGETHER[1]) for one, gap in zip(found, gaps, strict=True)]
+    return np.array(found, dtype=bool)
 
 
 def _sticks(panel: Panel, survey: Survey, gap: JointGap, rest: BoolArray, noise: FloatArray, times: float) -> bool:
     left = gap.without(rest).everywhere(panel)
-    usual, held = float(np.mean(left[~rest] ** 2)), float(np.mean(left[rest] ** 2))
-    by_noise = float(np.mean(noise[rest] ** 2))
+    usual, held, by_noise = _contrast(panel, gap, rest, noise)
     least = times * usual + SHAKEN * by_noise
     if not least <= held <= (HELD * survey.holds[gap.joint]) ** 2 + usual:
         return False
     if _rattles(panel.force[:, gap.joint], left, rest) or _hunts(panel, left, rest):
         return False
     return not _told(panel, survey, gap, rest, usual, by_noise)
+
+
+def _contrast(panel: Panel, gap: JointGap, rest: BoolArray, noise: FloatArray) -> tuple[float, float, float]:
+    """What is left in motion, in rests, and what noise (N,) makes there, as mean squares, fitted to motion alone."""
+    left = gap.without(rest).everywhere(panel)
+    return float(np.mean(left[~rest] ** 2)), float(np.mean(left[rest] ** 2)), float(np.mean(noise[rest] ** 2))
 
 
 def _rattles(force: FloatArray, left: FloatArray, rest: BoolArray) -> bool:
@@ -252,22 +254,46 @@ def _told(panel: Panel, survey: Survey, gap: JointGap, rest: BoolArray, usual: f
     noise = min(usual + by_noise, 0.5 * (usual + held))
     least = EXPLAINED * noise + (1.0 - EXPLAINED) * held
 
-    def rest_of(trial: Trial) -> float:
-        columns = admissible(panel, problem, trial.effect, trial.shape, gap.joint)
-        return float(np.mean(problem.left(columns)[rest] ** 2))
-
-    effects = [effect for effect in forms(survey, gap.joint, gap.present) if effect.family in TELLING]
-    starts = [best_start(panel, problem, effect, gap.joint) for effect in effects]
-    ranked = sorted(((rest_of(start), start) for start in starts), key=lambda pair: pair[0])
+    ranked = _ranked(panel, survey, gap, problem, rest)
     for place, (left, start) in enumerate(ranked):
         # The best start may be a little off, and the shortest displacement that is begun with is no shortest yet.
         if place > 0 and left >= least:
             break
         searched = start.effect.shapes and (place == 0 or start.effect.family == "hysteresis")
         found = refine(panel, problem, start, gap.joint) if searched else start
-        if (left < least or rest_of(found) < least) and not slipless(panel, gap, found):
+        enough = left < least or _left(panel, problem, found, gap.joint, rest) < least
+        if enough and not slipless(panel, gap, found):
             return True
     return False
+
+
+def _slips(panel: Panel, survey: Survey, gap: JointGap, turned: BoolArray) -> bool:
+    """Whether what is left after turns is best told, and most of it, by friction over hardly any displacement.
+
+    A current that comes late looks like that, but a delay tells it better.
+    """
+    problem = gap.problem(panel)
+    if _rests(panel, problem.residual, turned) < SEVERAL:
+        return False
+    ranked = _ranked(panel, survey, gap, problem, turned)[:TRIED]
+    found = [refine(panel, problem, one, gap.joint) if one.effect.shapes else one for _, one in ranked]
+    left, best = min(((_left(panel, problem, one, gap.joint, turned), one) for one in found), key=lambda pair: pair[0])
+    return left < MOST * float(np.mean(problem.residual[turned] ** 2)) and slipless(panel, gap, best)
+
+
+def _ranked(
+    panel: Panel, survey: Survey, gap: JointGap, problem: JointProblem, rest: BoolArray
+) -> list[tuple[float, Trial]]:
+    """Laws that may act on a joint that stands, at their best starts, by what they leave in its rests."""
+    effects = [effect for effect in forms(survey, gap.joint, gap.present) if effect.family in TELLING]
+    starts = [best_start(panel, problem, effect, gap.joint) for effect in effects]
+    return sorted(((_left(panel, problem, one, gap.joint, rest), one) for one in starts), key=lambda pair: pair[0])
+
+
+def _left(panel: Panel, problem: JointProblem, trial: Trial, joint: int, rest: BoolArray) -> float:
+    """Mean square that a trial leaves in rests."""
+    columns = admissible(panel, problem, trial.effect, trial.shape, joint)
+    return float(np.mean(problem.left(columns)[rest] ** 2))
 
 
 def _rests(panel: Panel, left: FloatArray, rest: BoolArray) -> float:

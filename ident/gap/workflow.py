@@ -308,7 +308,7 @@ class _Workflow:
         found = (gap_of if self.refit else held_of)(self.model, panel, joint)
         if joint not in self.rests.joints:
             return found
-        left = found.moving(panel, ~panel.gather(self.rests.counts)[:, joint])
+        left = found.moving(panel, ~panel.gather(self.rests.counts)[:, joint], bool(self.rests.sticks[joint]))
         return with_slight_edge(panel, left, self.model.terms)
 
     def touches(self, gaps: Sequence[JointGap], named: Sequence[Sequence[Named]]) -> Touches | None:

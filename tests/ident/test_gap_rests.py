@@ -14,9 +14,10 @@ from ident.gap import rests as rests_module
 from ident.gap.edge import edge_columns, with_slight_edge
 from ident.gap.evidence import evidence
 from ident.gap.joint_gap import JointGap
-from ident.gap.rests import Rests, _hunts, find_rests, stands
+from ident.gap.rests import Rests, _hunts, find_rests
 from ident.gap.rows import panel_of, survey_of
 from ident.gap.search import search
+from ident.gap.standing import stands
 from ident.identification import identify
 from ident.log import JointLog
 from ident.signals import Motion
@@ -235,7 +236,7 @@ def test_a_joint_that_turns_round_does_not_stick(arm):
 
 def test_further_joints_are_left_out_only_if_they_rest_and_move():
     nobody, speed = np.zeros(2, dtype=bool), np.full(2, 5e-3)
-    rests = Rests(nobody, np.array([True, False]), speed, DRY, 0.1)
+    rests = Rests(nobody, nobody, np.array([True, False]), speed, DRY, 0.1)
     assert rests.joints == ()
     assert rests.also([0, 1]).joints == (0,)
 
@@ -333,7 +334,7 @@ def test_what_turns_the_sign_otherwise_beside_rests_is_no_effect(arm, slow, name
     edges = edge_columns(panel, [t for t in own if t.effect.joint == 1], 1)
     left = 0.4 * np.sign(v) * np.exp(-((np.abs(v) / slow) ** 1.3)) + 0.005 * rng.standard_normal(len(panel))
     everything = np.ones(len(panel), dtype=bool)
-    gap = JointGap(1, np.column_stack([v, edges]), left, everything, (), 3).moving(panel, np.abs(v) < 5e-3)
+    gap = JointGap(1, np.column_stack([v, edges]), left, everything, (), 3).moving(panel, np.abs(v) < 5e-3, True)
     survey = survey_of(model, panel)
     bare, slight = replace(gap, edge=None), with_slight_edge(panel, gap, own)
     assert search(panel, survey, bare).winner(panel) is not None
