@@ -13,7 +13,7 @@ from ident.design import Counts, Design, Known, Rows
 from ident.effects.base import Effect, Term, initial_term
 from ident.least_squares import Factors, Solution, factorise, solve
 from ident.log import LogSource
-from ident.model import Certainty, CurrentModel
+from ident.model import CurrentModel
 from ident.robot import Robot
 from ident.shapes import optimise_shapes
 from ident.uncertainty import covariance
@@ -112,10 +112,7 @@ def fit(
     spread = covariance(fitted, design, solution, held)
     kept = sum(int(block.keep.sum()) for block in held)
     spread *= kept / max(factors.rows, 1)
-    order = np.concatenate([design.columns_of_term(k) for k in range(len(design.terms))])
-    certainty = Certainty(solution.bread[np.ix_(order, order)], solution.variance)
-    described = with_std(design, fitted, spread)
-    model = CurrentModel(robot, described, cutoff, rate, drives.gain, drives.force_unit, certainty=certainty)
+    model = CurrentModel(robot, with_std(design, fitted, spread), cutoff, rate, drives.gain, drives.force_unit)
     tell(1.0)
     return Fit(model, design, solution, factors, spread)
 

@@ -21,21 +21,6 @@ NEWTON_METRE = "N m"
 """Force unit of a model whose drive gains are known; forces of prismatic joints are then in N."""
 
 
-@dataclass(frozen=True, eq=False)
-class Certainty:
-    """How far the logs that a model was identified from let it bend.
-
-    Attributes:
-        bread: inverse (p, p) of the normal matrix of their rows, weighted by one over the residual's variance, for the
-            coefficients of the first terms, term by term; nought where not determined. Residuals are autocorrelated, so
-            that it is less than the coefficients' covariance. Of terms added since nothing is told.
-        variance: mean squared residual (n,) of those rows, in squared force units.
-    """
-
-    bread: FloatArray
-    variance: FloatArray
-
-
 @dataclass(eq=False)
 class CurrentModel:
     """Sum of effects, each with its parameters; satisfies ``CurrentPredictor``.
@@ -49,7 +34,6 @@ class CurrentModel:
         force_unit: unit of the model's forces: N m where the drive gains are known, else the current's unit.
         positions_only: whether velocities come from the positions even where a log holds them, since those lag or
             are noisier.
-        certainty: how well the logs it was identified from tell its parameters; None where that is not known.
     """
 
     robot: Robot
@@ -59,7 +43,6 @@ class CurrentModel:
     gain: FloatArray
     force_unit: str
     positions_only: bool = False
-    certainty: Certainty | None = None
     _online: tuple[CausalDerivatives, Memories] | None = field(default=None, init=False, repr=False)
 
     @property

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from dataclasses import fields, replace
+from dataclasses import fields
 from pathlib import Path
 from typing import Any
 
@@ -12,20 +12,15 @@ import numpy as np
 from ident.effects import load_catalogue
 from ident.effects.base import Effect, Term
 from ident.errors import InputError
-from ident.model import Certainty, CurrentModel
-from ident.parameters import parameter_name
+from ident.model import CurrentModel
 from ident.robot import Robot
 
 FILE = "model.json"
-BREAD = "normal_inverse.csv"
 FORMAT = 1
 
 
 def save_model(model: CurrentModel, folder: Path) -> None:
     """Write the model to ``folder/model.json``: effects, parameters with units and standard deviations.
-
-    How far the logs behind it let it bend (`Certainty`), where that is known, goes to ``folder/normal_inverse.csv``,
-    whose header names the coefficients.
 
     Args:
         model: what to write.
@@ -41,14 +36,8 @@ def save_model(model: CurrentModel, folder: Path) -> None:
         "cutoff_hertz": model.cutoff,
         "rate_hertz": model.rate,
         "positions_only": model.positions_only,
-        **({} if model.certainty is None else {"residual_variance": model.certainty.variance.tolist()}),
         "terms": [_write(model, term) for term in model.terms],
     }
-    (folder / BREAD).unlink(missing_ok=True)
-    if model.certainty is not None:
-        bread = model.certainty.bread
-        header = ",".join(_names(model)[: len(bread)])
-        np.savetxt(folder / BREAD, bread, "%.9g", ",", header=header, comments="")
     (folder / FILE).write_text(json.dumps(content, indent=1) + "\n")
 
 
@@ -77,7 +66,7 @@ def load_model(folder: str | Path, robot: Robot) -> CurrentModel:
                 f"the model's {key} {content.get(key)} are not the robot's {here}", str(path), "give this robot's model"
             )
     try:
-        model = CurrentModel(
+        return CurrentModel(
             robot,
             tuple(_read(robot, term, path) for term in content["terms"]),
             float(content["cutoff_hertz"]),
@@ -88,28 +77,6 @@ def load_model(folder: str | Path, robot: Robot) -> CurrentModel:
         )
     except (KeyError, TypeError, ValueError) as error:
         raise InputError(f"the model lacks or spoils {error}", str(path), "identify again") from error
-    return replace(model, certainty=_certainty(model, content.get("residual_variance"), path.with_name(BREAD)))
-
-
-def _certainty(model: CurrentModel, variance: Any, path: Path) -> Certainty | None:
-    """How far a model may bend, where that was written; models of before have none."""
-    if variance is None or not path.exists():
-        return None
-    try:
-        with path.open(encoding="utf-8") as lines:
-            names = next(lines, "").rstrip("\n").split(",")
-            known = Certainty(np.loadtxt(lines, delimiter=",", ndmin=2), np.array(variance, dtype=float))
-    except (OSError, TypeError, ValueError) as error:
-        raise InputError(f"not a table of numbers ({error})", str(path), "identify again, or delete it") from error
-    fits = names == _names(model)[: len(names)] and known.bread.shape == (len(names), len(names))
-    if not (fits and known.variance.shape == (model.n,) and np.isfinite(known.bread).all()):
-        raise InputError("the normal matrix of another model", str(path), "identify again, or delete it")
-    return known
-
-
-def _names(model: CurrentModel) -> list[str]:
-    """Names of all coefficients, term by term."""
-    return [parameter_name(t.effect, c) for t in model.terms for c in t.effect.coefficients(model.robot)]
 
 
 def _write(model: CurrentModel, term: Term) -> dict[str, Any]:

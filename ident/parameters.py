@@ -69,7 +69,7 @@ def list_parameters(fit: Fit) -> list[Parameter]:
         for number, coefficient in enumerate(effect.coefficients(fit.model.robot)):
             listed.append(
                 Parameter(
-                    parameter_name(effect, coefficient),
+                    _name(effect, coefficient),
                     float(term.coefficients[number]),
                     float(term.std[number]),
                     fit.model.unit_of(effect, coefficient),
@@ -81,17 +81,11 @@ def list_parameters(fit: Fit) -> list[Parameter]:
         for shape, value, std in zip(effect.shapes, term.shape.tolist(), term.shape_std.tolist(), strict=True):
             unit = fit.model.unit_of(effect, shape)
             known = bool(np.isfinite(std))
-            listed.append(Parameter(parameter_name(effect, shape), value, std, unit, effect.joint, "", known))
+            listed.append(Parameter(_name(effect, shape), value, std, unit, effect.joint, "", known))
     return sorted(listed, key=lambda p: (p.joint is not None, p.joint or 0))
 
 
-def parameter_name(effect: Effect, parameter: Coefficient | Shape) -> str:
-    """``effect.joint.parameter``; links' parameters have the name of the base parameter.
-
-    Args:
-        effect: that has it.
-        parameter: one of its own.
-    """
+def _name(effect: Effect, parameter: Coefficient | Shape) -> str:
     if isinstance(effect, Links):
         return parameter.name if effect.joint is None else f"row{effect.joint + 1}.{parameter.name}"
     return f"{effect.name}.{'all' if effect.joint is None else effect.joint + 1}.{parameter.name}"

@@ -20,7 +20,7 @@ SMOOTHING = 5e-3
 SLOWEST_SIGMOID = 0.015
 """Speed [rad/s or m/s] below which a rise of friction is but the smoothing of a sign."""
 
-MOST_SWINGS = 12.0
+MOST_SWINGS = 24.0
 """Swings of friction a turn (a metre) at most; more are teeth."""
 
 
@@ -306,13 +306,13 @@ class PositionFriction(VelocityEffect):
         """Try it with a quarter of a swing and more over the range seen: less is a difference of large forces."""
         if joint is None:
             return []
-        fewest = float(np.clip(0.5 * np.pi / max(float(survey.reach[joint]), 1e-3), cls.fewest, 0.5 * MOST_SWINGS))
+        fewest = float(np.clip(0.5 * np.pi / max(float(survey.reach[joint]), 1e-3), cls.fewest, 0.25 * MOST_SWINGS))
         return [cls(joint, float(survey.smoothing[joint]), fewest, harmonics) for harmonics in (1, 2)]
 
     @property
     def shapes(self) -> tuple[Shape, ...]:
         """Return the swings a turn (a metre) of the joint."""
-        starts = [x for x in (1.0, 0.5, 2.0, 3.0, 4.0, 6.0, 8.0, 10.0) if x > self.fewest]
+        starts = [x for x in (1.0, 0.5, 2.0, 3.0, 4.0, 6.0, 8.0, 10.0, 12.0, 15.0, 18.0, 21.0) if x > self.fewest]
         # Of less than a swing the logs show a slope, and of that any slow swing is as good.
         return (Shape("per_turn", "1", self.fewest, MOST_SWINGS, tuple(starts), log=False, ends=(False, True)),)
 

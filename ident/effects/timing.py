@@ -101,7 +101,7 @@ class FilterLag(_Timing):
     @property
     def shapes(self) -> tuple[Shape, ...]:
         """Return the corner frequency."""
-        return (Shape("hertz", "Hz", 0.2, 40.0, (8.0, 1.0, 3.0, 20.0)),)
+        return (Shape("hertz", "Hz", 0.2, 100.0, (8.0, 1.0, 3.0, 20.0, 50.0)),)
 
     def coefficients(self, robot: Robot) -> tuple[Coefficient, ...]:
         """Return the share of the current that passes the filter; one for a plain low pass."""
@@ -112,8 +112,8 @@ class FilterLag(_Timing):
         return np.ones(1)
 
     def start(self) -> FloatArray:
-        """Return the last time and values, not known before the first sample."""
-        return np.full(1 + MOST_JOINTS, np.nan)
+        """Return the last time, values and input, not known before the first sample."""
+        return np.full(1 + 2 * MOST_JOINTS, np.nan)
 
     def columns(self, context: Context, shape: FloatArray, memory: FloatArray) -> FloatArray:
         """Return the low pass of the total less the total."""
@@ -136,15 +136,20 @@ def _mean_rate(t: FloatArray, x: FloatArray, span: float, memory: FloatArray) ->
 
 @compiled
 def _low_pass(t: FloatArray, x: FloatArray, hertz: float, memory: FloatArray) -> FloatArray:
-    """First-order low pass, exact for an input that is constant between samples; settled at the first."""
+    """First-order low pass, exact for an input that runs straight between samples; settled at the first."""
+    joints, rate = x.shape[1], 2.0 * np.pi * hertz
     out = np.empty_like(x)
     for k in range(len(t)):
-        for j in range(x.shape[1]):
-            if np.isnan(memory[0]):
-                memory[1 + j] = x[k, j]
-            else:
-                share = 1.0 - np.exp(-2.0 * np.pi * hertz * (t[k] - memory[0]))
-                memory[1 + j] += share * (x[k, j] - memory[1 + j])
-            out[k, j] = memory[1 + j]
+        kept, held = 0.0, 0.0
+        if not np.isnan(memory[0]) and t[k] > memory[0]:
+            past = rate * (t[k] - memory[0])
+            kept = np.exp(-past)
+            held = (1.0 - kept) / past
+        for j in range(joints):
+            last = x[k, j] if np.isnan(memory[0]) else memory[1 + MOST_JOINTS + j]
+            late = x[k, j] if np.isnan(memory[0]) else memory[1 + j]
+            late = kept * late + (1.0 - held) * x[k, j] + (held - kept) * last
+            out[k, j] = late
+            memory[1 + j], memory[1 + MOST_JOINTS + j] = late, x[k, j]
         memory[0] = t[k]
     return out

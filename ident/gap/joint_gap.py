@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -55,8 +55,6 @@ class JointGap:
         sticks: whether the rests of the joint are left out.
         edge: columns (N, k), of a joint that sticks, by which its sign of velocity may turn otherwise than modelled.
         parts: number of each row's fold (N,), where the panel's folds would leave one with hardly any row that counts.
-        prior: how firmly the first columns keep to nought (k,), as `JointProblem` takes it: directions in which a model
-            held fixed is uncertain.
     """
 
     joint: int
@@ -69,12 +67,6 @@ class JointGap:
     sticks: bool = False
     edge: FloatArray | None = None
     parts: IntArray | None = None
-    prior: FloatArray = field(default_factory=lambda: np.zeros(0))
-
-    @property
-    def free(self) -> int:
-        """How many of the columns nothing holds at nought."""
-        return int(self.matrix.shape[1]) - len(self.prior)
 
     def bare(self) -> JointGap:
         """The same without nuisance."""
@@ -122,7 +114,7 @@ class JointGap:
 
     def problem(self, panel: Panel, named: Sequence[Trial] = ()) -> JointProblem:
         """The regression with effects named so far among the baseline's columns."""
-        return self._problem(panel, self._matrix(panel, named), self.keep)
+        return JointProblem(self._matrix(panel, named), self.target, self.fold(panel), self.keep)
 
     def everywhere(self, panel: Panel, named: Sequence[Trial] = (), fitted: BoolArray | None = None) -> FloatArray:
         """What that leaves in all rows (N,), nuisance taken away in those that count only.
@@ -133,7 +125,7 @@ class JointGap:
             fitted: rows (N,) that it is fitted to; by default those that count.
         """
         matrix = self._matrix(panel, named)
-        found = self._problem(panel, matrix, self.keep if fitted is None else fitted).fit()
+        found = JointProblem(matrix, self.target, self.fold(panel), self.keep if fitted is None else fitted).fit()
         own, every = self.matrix.shape[1], np.arange(matrix.shape[1])
         plain = (every < own - self.nuisance) | (every >= own)
         left: FloatArray = self.target - matrix[:, plain] @ found[plain]
@@ -145,20 +137,16 @@ class JointGap:
         matrix = self._matrix(panel, named)
         size = sizes(matrix)
         scaled = matrix[:, size > 0] / size[size > 0]
-        firm = np.append(self.prior, np.zeros(matrix.shape[1] - len(self.prior)))[size > 0] / size[size > 0] ** 2
-        values, vectors = np.linalg.eigh(scaled[fitted].T @ scaled[fitted] + np.diag(firm))
+        values, vectors = np.linalg.eigh(scaled[fitted].T @ scaled[fitted])
         spread = vectors / np.sqrt(np.maximum(values, LEAST * values.max(initial=0.0)))
         told: FloatArray = np.sum((scaled @ spread) ** 2, axis=1)
         return told
-
-    def _problem(self, panel: Panel, matrix: FloatArray, keep: BoolArray) -> JointProblem:
-        return JointProblem(matrix, self.target, self.fold(panel), keep, self.prior)
 
     def _matrix(self, panel: Panel, named: Sequence[Trial]) -> FloatArray:
         """The baseline's columns and those of effects whose coefficients keep to their bounds, in all rows."""
         if not named:
             return self.matrix
-        plain = self._problem(panel, self.matrix, self.keep)
+        plain = JointProblem(self.matrix, self.target, self.fold(panel), self.keep)
         found = [(trial.effect, panel.columns(trial.effect, trial.shape, self.joint)) for trial in named]
         return np.hstack([self.matrix, *(c[:, usable(panel, plain, effect, plain.of(c))] for effect, c in found)])
 

@@ -56,10 +56,7 @@ class Errors:
 
 @dataclass(frozen=True, eq=False)
 class Sums:
-    """Products over each fold's rows, leading axis folds: of the baseline's columns X, further ones Z, the target y.
-
-    ``prior`` (p, p) is what holds X's coefficients at nought.
-    """
+    """Products over each fold's rows, leading axis folds: of the baseline's columns X, further ones Z, the target y."""
 
     own: FloatArray
     own_target: FloatArray
@@ -67,7 +64,6 @@ class Sums:
     across: FloatArray
     inside: FloatArray
     target: FloatArray
-    prior: FloatArray
 
     def reduced(self, without: int | None) -> tuple[FloatArray, FloatArray]:
         """Normal matrix and right side for Z with X eliminated, from all folds but one."""
@@ -75,7 +71,7 @@ class Sums:
             x.sum(axis=0) - (0.0 if without is None else x[without])
             for x in (self.own, self.own_target, self.across, self.inside, self.target)
         )
-        own_of = _solved(own + self.prior, np.column_stack([across, own_target]))
+        own_of = _solved(own, np.column_stack([across, own_target]))
         return inside - across.T @ own_of[:, :-1], target - across.T @ own_of[:, -1]
 
     def held_out(self, fold: int, coefficients: FloatArray) -> float:
@@ -83,7 +79,7 @@ class Sums:
         own, own_target, across = (
             x.sum(axis=0) - (1.0 - LEANING) * x[fold] for x in (self.own, self.own_target, self.across)
         )
-        mine = _solved(own + self.prior, own_target - across @ coefficients)
+        mine = _solved(own, own_target - across @ coefficients)
         square = self.squares[fold] - 2.0 * (mine @ self.own_target[fold] + coefficients @ self.target[fold])
         square += mine @ self.own[fold] @ mine + coefficients @ self.inside[fold] @ coefficients
         return float(max(square + 2.0 * mine @ self.across[fold] @ coefficients, 0.0))
@@ -97,18 +93,9 @@ class JointProblem:
         target: what they are fitted to, (N,).
         fold: number of each row's fold (N,).
         keep: rows that count, (N,).
-        prior: how firmly the first of these columns keep to nought, (k,): the variance of the target's noise over that
-            of their coefficients (ridge regression as a Gaussian prior, Hoerl and Kennard 1970); others are free.
     """
 
-    def __init__(
-        self,
-        matrix: FloatArray,
-        target: FloatArray,
-        fold: IntArray,
-        keep: BoolArray,
-        prior: FloatArray | None = None,
-    ) -> None:
+    def __init__(self, matrix: FloatArray, target: FloatArray, fold: IntArray, keep: BoolArray) -> None:
         self.keep = np.flatnonzero(keep)
         self._all = len(keep)
         size, whole = sizes(matrix[self.keep]), sizes(matrix)
@@ -123,9 +110,7 @@ class JointProblem:
         self._own = self._products(self.matrix, self.matrix)
         self._own_target = self._products(self.matrix, self.target[:, None])
         self._squares = np.array([self.target[f] @ self.target[f] for f in self.folds])
-        firm = np.zeros(0) if prior is None else prior
-        self._prior = np.diag(np.append(firm, np.zeros(matrix.shape[1] - len(firm))) / self.norm**2)
-        self._normal, self._right = self._own.sum(axis=0) + self._prior, self._own_target.sum(axis=0)[:, 0]
+        self._normal, self._right = self._own.sum(axis=0), self._own_target.sum(axis=0)[:, 0]
 
     def __len__(self) -> int:
         return len(self.target)
@@ -136,18 +121,13 @@ class JointProblem:
 
     @cached_property
     def basis(self) -> FloatArray:
-        """Orthogonal basis B (N, p) of the baseline's columns: what they absorb of x is ``B B' x``.
-
-        Of unit length where they are free. Where they keep to nought, ``I - B B'`` is the square root of what ridge
-        regression leaves: it whitens what their coefficients' spread adds to the noise.
-        """
-        firm = np.diag(self._prior)
-        free = _orthonormal(self.matrix[:, firm == 0.0])
-        if not firm.any():
-            return free
-        held = self.matrix[:, firm > 0.0] / np.sqrt(firm[firm > 0.0])
-        directions, spread, _ = np.linalg.svd(held - free @ (free.T @ held), full_matrices=False)
-        return np.hstack([free, directions * np.sqrt(1.0 - 1.0 / np.sqrt(1.0 + spread**2))])
+        """Orthonormal basis of the baseline's columns."""
+        if self.matrix.shape[1] == 0:
+            return np.zeros((len(self.target), 0))
+        values, vectors = np.linalg.eigh(self.matrix.T @ self.matrix)
+        good = values > LEAST * max(values[-1], 1e-300)
+        first = self.matrix @ (vectors[:, good] / np.sqrt(values[good]))
+        return np.asarray(np.linalg.qr(first)[0], dtype=np.float64)
 
     @cached_property
     def coarse_basis(self) -> Float32Array:
@@ -225,7 +205,6 @@ class JointProblem:
             )
             product = np.concatenate([self._own_target, self._products(extra, self.target[:, None])], 1)[:, :, 0]
         whole, target = gram.sum(axis=0), product.sum(axis=0)
-        whole[: len(self._prior), : len(self._prior)] += self._prior
         held = [
             self._squared(gram[k], product[k], self._squares[k], self._others(whole, target, gram[k], product[k]))
             for k in range(len(self.folds))
@@ -241,7 +220,6 @@ class JointProblem:
         if both.shape[1] == 0:
             return left
         whole, product = both.T @ both, both.T @ self.target
-        whole[: len(self._prior), : len(self._prior)] += self._prior
         for rows in self.folds:
             part = both[rows]
             left[rows] -= part @ self._others(whole, product, part.T @ part, part.T @ self.target[rows])
@@ -256,7 +234,6 @@ class JointProblem:
             self._products(self.matrix, columns),
             self._products(columns, columns),
             self._products(columns, self.target[:, None])[:, :, 0],
-            self._prior,
         )
 
     def _others(self, whole: FloatArray, target: FloatArray, own: FloatArray, own_target: FloatArray) -> FloatArray:
@@ -276,16 +253,6 @@ class JointProblem:
     def _products(self, left: FloatArray, right: FloatArray) -> FloatArray:
         """Products (folds, p, q) of columns, fold by fold."""
         return np.stack([left[f].T @ right[f] for f in self.folds])
-
-
-def _orthonormal(columns: FloatArray) -> FloatArray:
-    """Orthonormal basis of columns (N, k), of those that do not say the same."""
-    if columns.shape[1] == 0:
-        return np.zeros(columns.shape)
-    values, vectors = np.linalg.eigh(columns.T @ columns)
-    good = values > LEAST * max(values[-1], 1e-300)
-    first = columns @ (vectors[:, good] / np.sqrt(values[good]))
-    return np.asarray(np.linalg.qr(first)[0], dtype=np.float64)
 
 
 def _solved(normal: FloatArray, right: FloatArray) -> FloatArray:

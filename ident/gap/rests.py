@@ -114,8 +114,8 @@ class Rests:
 
     def counts(self, block: Block) -> BoolArray:
         """Whether each joint's row of a block (N, n) counts."""
-        standing = stands(block, np.where(self.sticks, self.slow, 0.0), self.around)
-        return ~(standing | hardly_moved(block, np.where(self.yields, SLIP, 0.0)))
+        slow = np.where(self.sticks, self.slow, 0.0)
+        return ~(stands(block, slow, self.around) | hardly_moved(block, np.where(self.yields, SLIP, 0.0)))
 
     def beyond(self, joint: int, left: FloatArray) -> FloatArray:
         """The part of a resting joint's residuals (M,) that its dry friction cannot hold."""

@@ -28,9 +28,6 @@ predicted from those, it would ask what friction does at speeds that they never 
 FAST = 99.0
 """Percentile of a joint's speed in a log that counts as its speed."""
 
-SLIGHT = 0.03
-"""A direction in which a model may bend is left out if it bends so much less, RMS, than the rows could tell."""
-
 DRY = ("coulomb", "sigmoid", "stribeck", "maxwell-slip", "cross-joint-friction")
 """Effects whose force a joint that stands may hold."""
 
@@ -99,46 +96,14 @@ def gap_of(model: CurrentModel, panel: Panel, joint: int) -> JointGap:
 def held_of(model: CurrentModel, panel: Panel, joint: int) -> JointGap:
     """A joint's rows as the model, held fixed, leaves them."""
     own = [t for t in model.terms if t.effect.acts_on in (None, joint)]
-    edge, bends = edge_columns(panel, own, joint), bend_columns(model, panel, joint)
+    edge = edge_columns(panel, own, joint)
     forces = [panel.columns(t.effect, t.shape, joint) @ t.coefficients for t in own]
     friction = [force for t, force in zip(own, forces, strict=True) if t.effect.family == "friction"]
     everything = np.ones(len(panel), dtype=bool)
     left = panel.force[:, joint] - np.sum(forces, axis=0)
     return JointGap(
-        joint,
-        np.hstack([bends, edge]),
-        left,
-        everything,
-        (),
-        edge.shape[1],
-        np.column_stack(friction) if friction else None,
-        prior=np.ones(bends.shape[1]),
-    )
-
-
-def bend_columns(model: CurrentModel, panel: Panel, joint: int) -> FloatArray:
-    """Forces (N, k) by which a held model may bend on a joint, each as far as one unit of squared residual pays for.
-
-    The logs it was identified from count along: bent, the model errs more on them. These are the principal directions
-    of its coefficients that show in the panel's rows; other logs would have told others.
-    """
-    if model.certainty is None:
-        return np.zeros((len(panel), 0))
-    columns, numbers, first = [np.zeros((len(panel), 0))], np.zeros(0, dtype=np.int64), 0
-    for term in model.terms:
-        places = np.arange(first, first + len(term.coefficients))
-        first += len(places)
-        if term.effect.acts_on in (None, joint) and first <= len(model.certainty.bread):
-            columns.append(panel.columns(term.effect, term.shape, joint))
-            numbers = np.append(numbers, places)
-    # A panel holds some of its logs' rows, and as many of those others count along.
-    thinned = sum(int(block.keep.sum()) for block in panel.blocks) / len(panel)
-    values, vectors = np.linalg.eigh(model.certainty.bread[np.ix_(numbers, numbers)] * thinned)
-    own = np.hstack(columns) @ (vectors * np.sqrt(np.maximum(values, 0.0)))
-    own /= np.sqrt(model.certainty.variance[joint])
-    _, sizes, turned = np.linalg.svd(np.linalg.qr(own, mode="r"), full_matrices=False)
-    bends: FloatArray = own @ turned[sizes > SLIGHT].T
-    return bends
+        joint, edge, left, everything, (), edge.shape[1], np.column_stack(friction) if friction else None
+    )  # fmt: skip
 
 
 def left_by(model: CurrentModel, panel: Panel) -> FloatArray:

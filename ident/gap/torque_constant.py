@@ -27,6 +27,9 @@ account for (1.0 and .9 where one was 19 % wrong; up to .5 and .15 in logs of ar
 UNDECIDED = 0.95
 """Share of what the best gain accounts for from which on another joint's may as well be the wrong one."""
 
+OFF = 0.03
+"""Share by which a torque constant must be wrong: by less, models are."""
+
 SATURATES = 1.1
 """How many times as much iron that saturates may account for: links bend to it, and others' gains with them."""
 
@@ -76,9 +79,15 @@ def wrong_gain(
     totals = np.array([falls.sum() for _, falls in tried])
     (gain, falls), most = tried[int(totals.argmax())], float(totals.max())
     accounted = (falls / np.maximum(before, 1e-300))[[gain.effect.at, suspects[0]]].max()
-    if accounted < ONE or most < ALL * before.sum():
+    if accounted < ONE or most < ALL * before.sum() or _off(model, gain) < OFF:
         return None
     if np.sum(totals >= UNDECIDED * most) > 1:
         return None
     iron = (fallen(TorqueSaturation(j, float(survey.largest[j])))[1].sum() for j in suspects)
     return None if any(other > SATURATES * most for other in iron) else gain
+
+
+def _off(model: CurrentModel, gain: Term) -> float:
+    """Share by which a gain is wrong."""
+    scale = gain.effect.summary(model.robot, gain.shape, gain.coefficients)["scale"]
+    return float(np.abs(np.sum(scale) - 1.0))

@@ -90,7 +90,7 @@ def undisturbed(gap: JointGap, panel: Panel, named: Sequence[Trial] = ()) -> Flo
     left = plain = gap.everywhere(panel, named)
     told = gap.keep | (gap.leverage(panel, named, gap.keep) <= 1.0)
     stretches = (1.0 - RAREST) * gap.keep.sum() * row_step(panel) / SMOOTH
-    if stretches < STRETCHES * max(1, gap.free + len(named)):
+    if stretches < STRETCHES * max(1, gap.matrix.shape[1] + len(named)):
         return np.where(told, plain, 0.0)
     for _ in range(STEPS):
         size = np.abs(_averaged(panel, left))

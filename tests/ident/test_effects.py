@@ -447,3 +447,13 @@ def test_a_mix_of_two_joints_is_no_friction_of_one(vs060):
         mix = form.shapes[0]
         assert min(abs(mix.lower), abs(mix.upper)) == pytest.approx(0.2)
         assert mix.ends == (form.side > 0, form.side < 0)
+
+
+def test_a_filter_delays_a_ramp_by_its_time_constant_at_any_rate(vs060):
+    # As filters do that run many times faster than the log: 1 / (2 pi f) behind, once settled.
+    for rate in (50.0, 100.0, 1000.0):
+        t = np.arange(round(rate)) / rate
+        total = np.tile(3.0 * t[:, None], 6)
+        context = Context(vs060, Motion(t, total, total, total), total=total)
+        lag = FilterLag(None).columns(context, np.array([20.0]), FilterLag(None).start())[:, 0, 0]
+        assert lag[-1] == pytest.approx(-3.0 / (2.0 * np.pi * 20.0), rel=1e-6)
