@@ -106,6 +106,16 @@ class Rests:
         """Joints, from 0, whose rests are left out, or what follows their turns."""
         return tuple(np.flatnonzero(self.sticks | self.yields).tolist())
 
+    @property
+    def sticking(self) -> tuple[int, ...]:
+        """Joints, from 0, whose rests are left out."""
+        return tuple(np.flatnonzero(self.sticks).tolist())
+
+    @property
+    def yielding(self) -> tuple[int, ...]:
+        """Joints, from 0, of which what follows turns is left out."""
+        return tuple(np.flatnonzero(self.yields).tolist())
+
     def also(self, joints: Sequence[int]) -> Rests:
         """The same with those of further joints, from 0, that may stick."""
         sticks = self.sticks.copy()

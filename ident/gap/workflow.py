@@ -364,8 +364,8 @@ class _Workflow:
         self.tell("settling names", 1.0)
         return GapReport(
             self.start, model, tuple(findings), tuple(nameless), tuple(missing), maps[0], maps[1],
-            self.panel, self.survey, (before, after), causes.p_values, shown, self.rests.joints,
-            self.warnings(),
+            self.panel, self.survey, (before, after), causes.p_values, shown, self.rests.sticking,
+            self.rests.yielding, self.warnings(),
         )  # fmt: skip
 
     def found_first(self) -> tuple[list[Finding], list[CurrentModel]]:

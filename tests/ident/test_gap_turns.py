@@ -52,7 +52,7 @@ def lower(q, dq):
 
 def test_what_builds_up_over_less_than_a_milliradian_is_left_out_and_bends_nothing(arm):
     found = found_in(arm, short)
-    assert found.rests == (0, 1)
+    assert (found.rests, found.turns) == ((), (0, 1))
     assert found.findings == ()
     assert found.unexplained == ()
     assert np.all(found.evidence.after > 1.5 * NOISE)
