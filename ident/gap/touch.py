@@ -23,6 +23,10 @@ SMOOTH, SHORTEST, MARGIN = 0.2, 0.25, 0.3
 HEIGHT = 8.0
 """A touch stands out from the averaged residual by this many of its usual deviations, also from those in motion."""
 
+FAINT, TOGETHER = 4.0, 2
+"""Where a touch stands out on so many joints at once, what does by so many deviations on its joints, or on as many, is a
+faint one: it would else be what the others do not stand out from."""
+
 BEYOND_NAMES = 2.0
 """And by this many times the RMS of what is named on the joint, whose law may be as wrong in places."""
 
@@ -128,6 +132,7 @@ def find_touches(panel: Panel, survey: Survey, residuals: FloatArray, named: Flo
             touched[a:b, j] = False
     for j, a, b in _ringing(np.abs(averaged) > 0.5 * least, averaged, edges, margin):
         touched[a:b, j] = False
+    touched |= _faint(averaged, usual, touched, edges, shortest)
     share = touched.mean(axis=0)
     touched[:, share > RAREST] = False
     rows = binary_dilation(touched.any(axis=1), iterations=margin)
@@ -138,6 +143,19 @@ def find_touches(panel: Panel, survey: Survey, residuals: FloatArray, named: Flo
     _, episodes = label(rows)
     joints = tuple(int(j) for j in np.flatnonzero(touched.any(axis=0)))
     return Touches(np.asarray(rows, dtype=bool), joints, float(any_joint.sum() * step), int(episodes))
+
+
+def _faint(
+    averaged: FloatArray, usual: FloatArray, touched: BoolArray, edges: IntArray, shortest: int
+) -> BoolArray:
+    """Rows (N, n) in which joints stand out less than a touch must, beside touches of several joints."""
+    bursts = np.zeros(averaged.shape, dtype=bool)
+    if not np.any(touched.sum(axis=1) >= TOGETHER):
+        return bursts
+    for j, a, b in _pieces(np.abs(averaged) > FAINT * usual, edges):
+        bursts[a:b, j] = b - a >= shortest
+    several = bursts.sum(axis=1, keepdims=True) >= TOGETHER
+    return np.asarray(bursts & (several | touched.any(axis=0)), dtype=bool)
 
 
 def _averaged(panel: Panel, residuals: FloatArray) -> FloatArray:
