@@ -101,3 +101,15 @@ def test_what_stands_out_no_more_than_the_rest_is_no_touch(arm):
         bursts = 1.0 * (np.abs(rows - 2000) < 20) + shorter * (np.abs(rows[:, None] - rows[500::900]) < 2).any(axis=1)
         found = find_touches(panel, survey, noise + bursts[:, None] * np.array([0.0, 1.0]), nothing)
         assert found.episodes == episodes
+
+
+def test_faint_touches_do_not_hide_those_of_several_joints(arm):
+    log, rng = record(arm, 1), np.random.default_rng(0)
+    panel = panel_of(baseline_model(arm, [log]), [log])
+    survey = SimpleNamespace(smoothing=np.full(2, 2e-3), holds=np.full(2, 0.02))
+    nothing, noise = np.zeros((len(panel), 2)), 0.1 * rng.standard_normal((len(panel), 2))
+    rows = np.arange(len(panel))
+    push = 0.23 * (np.abs(rows - 1000) < 40) + 0.13 * (np.abs(rows - 3000) < 40)
+    assert find_touches(panel, survey, noise + push[:, None], nothing).episodes == 2
+    # A law unknown of one joint makes both as well.
+    assert find_touches(panel, survey, noise + push[:, None] * np.array([0.0, 1.0]), nothing).episodes == 0
