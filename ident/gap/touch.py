@@ -24,8 +24,8 @@ HEIGHT = 8.0
 """A touch stands out from the averaged residual by this many of its usual deviations, also from those in motion."""
 
 FAINT, TOGETHER = 4.0, 2
-"""Where a touch stands out on so many joints at once, what does by so many deviations on its joints, or on as many, is a
-faint one: it would else be what the others do not stand out from."""
+"""Beside a touch that so many joints feel at once, what stands out by so many deviations on its joints, or on as many,
+is a faint one: it would else be what the others do not stand out from."""
 
 BEYOND_NAMES = 2.0
 """And by this many times the RMS of what is named on the joint, whose law may be as wrong in places."""
@@ -145,9 +145,7 @@ def find_touches(panel: Panel, survey: Survey, residuals: FloatArray, named: Flo
     return Touches(np.asarray(rows, dtype=bool), joints, float(any_joint.sum() * step), int(episodes))
 
 
-def _faint(
-    averaged: FloatArray, usual: FloatArray, touched: BoolArray, edges: IntArray, shortest: int
-) -> BoolArray:
+def _faint(averaged: FloatArray, usual: FloatArray, touched: BoolArray, edges: IntArray, shortest: int) -> BoolArray:
     """Rows (N, n) in which joints stand out less than a touch must, beside touches of several joints."""
     bursts = np.zeros(averaged.shape, dtype=bool)
     if not np.any(touched.sum(axis=1) >= TOGETHER):
