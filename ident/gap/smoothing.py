@@ -45,7 +45,9 @@ def smoothed(model: CurrentModel, sources: Sequence[LogSource], rests: Rests) ->
     """
     panel = panel_of(model, sources)
     counts = panel.gather(rests.counts)
-    found = [_smoothing(model, panel, counts[:, j], j) for j in range(model.n)]
+    # What follows turns does not even tell how the sign turns of a joint that yields there.
+    telling = counts | ~rests.yields
+    found = [_smoothing(model, panel, counts[:, j], telling[:, j], j) for j in range(model.n)]
     smoothing = [width for width, _ in found]
     terms = tuple(
         replace(term, effect=replace(term.effect, smoothing=smoothing[term.effect.at]))
@@ -56,11 +58,13 @@ def smoothed(model: CurrentModel, sources: Sequence[LogSource], rests: Rests) ->
     return Smoothed(replace(model, terms=terms), float(np.sum(np.log([error for _, error in found]))), len(panel))
 
 
-def _smoothing(model: CurrentModel, panel: Panel, counts: BoolArray, joint: int) -> tuple[float, float]:
+def _smoothing(
+    model: CurrentModel, panel: Panel, counts: BoolArray, telling: BoolArray, joint: int
+) -> tuple[float, float]:
     """The smoothing that predicts best, fitted to the rows that count, and their held-out error with it.
 
-    Of those between which these rows do not tell, the one that predicts all best: rests that do not count still tell
-    how well the sign is predicted as the joint creeps, but what is held there is no friction.
+    Of those between which these rows do not decide, the one that predicts all telling ones best: rests that do not
+    count still tell how well the sign is predicted as the joint creeps, but what is held there is no friction.
     """
     own = [t for t in model.terms if t.effect.acts_on in (None, joint)]
     friction = next((t.effect for t in own if isinstance(t.effect, Coulomb)), None)
@@ -74,5 +78,5 @@ def _smoothing(model: CurrentModel, panel: Panel, counts: BoolArray, joint: int)
     problems = [one.problem(panel) for _, one in tried]
     moving = np.array([float(problem.residual @ problem.residual) for problem in problems])
     likely = np.flatnonzero(moving <= (1.0 + TOLD) * moving.min()).tolist()
-    best = min(likely, key=lambda k: float(np.sum(tried[k][1].everywhere(panel) ** 2)))
+    best = min(likely, key=lambda k: float(np.sum(tried[k][1].everywhere(panel)[telling] ** 2)))
     return tried[best][0], max(problems[best].errors().total / len(problems[best]), 1e-300)

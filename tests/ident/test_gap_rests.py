@@ -284,7 +284,8 @@ def test_what_is_held_at_rest_does_not_say_how_the_sign_turns_in_motion():
         ),
     )
     terms = [SimpleNamespace(effect=e, shape=np.zeros(0)) for e in (CurrentOffset(0), Coulomb(0))]
-    width, _ = smoothing._smoothing(SimpleNamespace(terms=terms), panel, np.arange(2000) < 1200, 0)
+    everything = np.ones(2000, dtype=bool)
+    width, _ = smoothing._smoothing(SimpleNamespace(terms=terms), panel, np.arange(2000) < 1200, everything, 0)
     assert width < 2e-3
 
 
