@@ -199,7 +199,7 @@ class _Workflow:
     def leave_out(self, joints: Sequence[int]) -> bool:
         """Look without the rests of these joints, too; whether that is any other."""
         rests: Rests = self.rests.also(joints)
-        more = rests.joints != self.rests.joints
+        more = rests.sticking != self.rests.sticking
         if more:
             self.rests = rests
             self.see()
