@@ -79,15 +79,9 @@ def wrong_gain(
     totals = np.array([falls.sum() for _, falls in tried])
     (gain, falls), most = tried[int(totals.argmax())], float(totals.max())
     accounted = (falls / np.maximum(before, 1e-300))[[gain.effect.at, suspects[0]]].max()
-    if accounted < ONE or most < ALL * before.sum() or _off(model, gain) < OFF:
+    if accounted < ONE or most < ALL * before.sum() or abs(float(gain.coefficients[0])) < OFF:
         return None
     if np.sum(totals >= UNDECIDED * most) > 1:
         return None
     iron = (fallen(TorqueSaturation(j, float(survey.largest[j])))[1].sum() for j in suspects)
     return None if any(other > SATURATES * most for other in iron) else gain
-
-
-def _off(model: CurrentModel, gain: Term) -> float:
-    """Share by which a gain is wrong."""
-    scale = gain.effect.summary(model.robot, gain.shape, gain.coefficients)["scale"]
-    return float(np.abs(np.sum(scale) - 1.0))

@@ -1,5 +1,6 @@
 """A wrong torque constant is told by how well all joints agree with it."""
 
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -8,7 +9,7 @@ import pytest
 from ident.gap import torque_constant
 
 
-def wrong_gain(monkeypatch, rms):
+def wrong_gain(monkeypatch, rms, excess=0.1):
     """The wrong gain among three joints' whose RMS is as given, by the last term that a model has: effect and joint."""
 
     def left(tried, panel):
@@ -22,9 +23,12 @@ def wrong_gain(monkeypatch, rms):
     model = SimpleNamespace(force_unit="N m", n=3, terms=())
     panel = SimpleNamespace(seen_by=lambda tried: None)
     survey = SimpleNamespace(largest=np.ones(3))
-    gain = torque_constant.wrong_gain(
-        model, panel, survey, gaps, lambda model, terms: SimpleNamespace(terms=(*model.terms, *terms))
-    )
+
+    def fitted(model, terms):
+        found = (replace(term, coefficients=np.array([excess])) for term in terms)
+        return SimpleNamespace(terms=(*model.terms, *found))
+
+    gain = torque_constant.wrong_gain(model, panel, survey, gaps, fitted)
     return None if gain is None else gain.effect.joint
 
 
@@ -40,3 +44,9 @@ def test_the_wrong_gain_is_the_one_with_which_all_joints_agree(monkeypatch, seco
     # The links that the third joint's wrong gain bends are those that the second carries: it contradicts more.
     rms = {None: (1.02, 1.2, 1.03), ("drive-gain", 1): second, ("drive-gain", 2): (1.02, 1.0, 1.0)}
     assert wrong_gain(monkeypatch, rms) == found
+
+
+@pytest.mark.parametrize(("excess", "found"), [(-0.04, 2), (0.02, None)])
+def test_a_gain_is_not_called_wrong_by_less_than_models_are(monkeypatch, excess, found):
+    rms = {None: (1.0, 1.0, 1.3), ("drive-gain", 2): (1.0, 1.0, 1.0)}
+    assert wrong_gain(monkeypatch, rms, excess) == found
