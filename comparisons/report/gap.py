@@ -131,11 +131,7 @@ def gap_report(found: GapReport, test: Sequence[LogSource], note: Provenance) ->
         "Intervals come from a block bootstrap."
     )
     report.figure(_map(found), "Before (left) and after (right) what was found is added")
-    shown = [
-        before,
-        after,
-        *((found.evidence.moving[0], found.evidence.moving[-1]) if found.rests or found.turns else ()),
-    ]
+    shown = [before, after, *((found.evidence.moving[0], found.evidence.moving[-1]) if found.left_out else ())]
     rows = [[j + 1, name, *(x[j] for x in shown), found.noise_floor[j]] for j, name in enumerate(robot.joints)]
     moving = [f"before, in motion [{unit}]", f"after, in motion [{unit}]"] if found.left_out else []
     columns = ["joint", "name", f"before [{unit}]", f"after [{unit}]", *moving, f"noise floor [{unit}]"]

@@ -184,7 +184,8 @@ def _yielding(panel: Panel, survey: Survey, gaps: Sequence[JointGap], noise: Flo
         j = gap.joint
         if not asked[j]:
             return False
-        usual, held, by_noise = _contrast(panel, gap, turned[:, j], noise[:, j])
+        left = gap.without(turned[:, j]).everywhere(panel)
+        usual, held, by_noise = _contrast(left, turned[:, j], noise[:, j])
         holds = times * usual + SHAKEN * by_noise <= held <= (HELD * survey.holds[j]) ** 2 + usual
         return holds and _slips(panel, survey, gap, turned[:, j])
 
@@ -196,7 +197,7 @@ def _yielding(panel: Panel, survey: Survey, gaps: Sequence[JointGap], noise: Flo
 
 def _sticks(panel: Panel, survey: Survey, gap: JointGap, rest: BoolArray, noise: FloatArray, times: float) -> bool:
     left = gap.without(rest).everywhere(panel)
-    usual, held, by_noise = _contrast(panel, gap, rest, noise)
+    usual, held, by_noise = _contrast(left, rest, noise)
     least = times * usual + SHAKEN * by_noise
     if not least <= held <= (HELD * survey.holds[gap.joint]) ** 2 + usual:
         return False
@@ -205,9 +206,8 @@ def _sticks(panel: Panel, survey: Survey, gap: JointGap, rest: BoolArray, noise:
     return not _told(panel, survey, gap, rest, usual, by_noise)
 
 
-def _contrast(panel: Panel, gap: JointGap, rest: BoolArray, noise: FloatArray) -> tuple[float, float, float]:
-    """What is left in motion, in rests, and what noise (N,) makes there, as mean squares, fitted to motion alone."""
-    left = gap.without(rest).everywhere(panel)
+def _contrast(left: FloatArray, rest: BoolArray, noise: FloatArray) -> tuple[float, float, float]:
+    """Mean squares of what is left (N,) in motion, in rests, and of what noise (N,) makes there."""
     return float(np.mean(left[~rest] ** 2)), float(np.mean(left[rest] ** 2)), float(np.mean(noise[rest] ** 2))
 
 
