@@ -118,10 +118,8 @@ def find_touches(panel: Panel, survey: Survey, residuals: FloatArray, named: Flo
     still = np.abs(panel.velocity) < STILL * survey.smoothing
     high = np.abs(averaged) > np.maximum(least, 1e-300)
     sure = np.abs(averaged) > least + still * survey.holds
-    bursts = np.zeros_like(high)
     shortest, margin = max(2, round(SHORTEST / step)), max(1, round(MARGIN / step))
-    for j, a, b in _pieces(high, edges):
-        bursts[a:b, j] = b - a >= shortest
+    bursts = _lasting(high, edges, shortest)
     for j, a, b in _pieces(bursts, edges):
         others = np.delete(bursts[a:b], j, axis=1).any(axis=1)
         touched[a:b, j] = (sure[a:b, j] | others).mean() > 0.5
@@ -147,13 +145,19 @@ def find_touches(panel: Panel, survey: Survey, residuals: FloatArray, named: Flo
 
 def _faint(averaged: FloatArray, usual: FloatArray, touched: BoolArray, edges: IntArray, shortest: int) -> BoolArray:
     """Rows (N, n) in which joints stand out less than a touch must, beside touches of several joints."""
-    bursts = np.zeros(averaged.shape, dtype=bool)
     if not np.any(touched.sum(axis=1) >= TOGETHER):
-        return bursts
-    for j, a, b in _pieces(np.abs(averaged) > FAINT * usual, edges):
-        bursts[a:b, j] = b - a >= shortest
+        return np.zeros_like(touched)
+    bursts = _lasting(np.abs(averaged) > FAINT * usual, edges, shortest)
     several = bursts.sum(axis=1, keepdims=True) >= TOGETHER
     return np.asarray(bursts & (several | touched.any(axis=0)), dtype=bool)
+
+
+def _lasting(marked: BoolArray, edges: IntArray, shortest: int) -> BoolArray:
+    """Marked rows (N, n) of stretches of so many rows at least."""
+    bursts = np.zeros_like(marked)
+    for j, a, b in _pieces(marked, edges):
+        bursts[a:b, j] = b - a >= shortest
+    return bursts
 
 
 def _averaged(panel: Panel, residuals: FloatArray) -> FloatArray:
