@@ -13,7 +13,7 @@ from ident.cautions import gain_warnings, sign_warnings, still_warnings
 from ident.drive_gain import GainEstimate
 from ident.effects import load_catalogue
 from ident.effects.base import Effect
-from ident.effects.friction import VelocityEffect
+from ident.effects.friction import DirectedEffect, VelocityEffect
 from ident.effects.transmission import CrossJointFriction
 from ident.errors import InputError
 from ident.feasible import Feasible, SolverFailure, feasible_parameters
@@ -177,7 +177,7 @@ def _identify(
 
 def _seen(robot: Robot, start: Start, train: Sequence[LogSource], choose: bool) -> tuple[Start, Foreseen]:
     """The start with the signs and sources of velocity and, if it is to be chosen, the cut-off that predict best."""
-    found = foreseen(start.model(robot), train, choose, turns=False)
+    found = foreseen(start.model(robot), train, choose)
     effects = [_turning(old, term.effect) for old, term in zip(start.effects, found.model.terms, strict=True)]
     hertz = found.model.cutoff
     cutoff = start.cutoff
@@ -185,12 +185,14 @@ def _seen(robot: Robot, start: Start, train: Sequence[LogSource], choose: bool) 
         cutoff = CutoffChoice(hertz, f"{hertz:.3g} Hz: rows held out are predicted best with it")
     start = replace(start, effects=effects, cutoff=cutoff)
     # A sign that turns elsewhere than the joint's own looks like friction that holds.
-    rests = find_rests(found.model, train, turns=False) if found.rests.joints else found.rests
+    rests = find_rests(found.model, train) if found.rests.joints else found.rests
     return start, replace(found, rests=rests)
 
 
 def _turning(old: Effect, seen: Effect) -> Effect:
     """An effect as the logs ask for, unless its sign turns more slowly than a sign may: then it is a law of its own."""
+    if isinstance(seen, DirectedEffect) and seen.presliding > 0.0:
+        return seen
     return old if isinstance(seen, VelocityEffect) and seen.smoothing >= SMOOTHINGS[-1] else seen
 
 
@@ -207,7 +209,7 @@ def _named(robot: Robot, start: Start, names: Sequence[str]) -> list[Effect]:
         if kind is CrossJointFriction:
             effects += [CrossJointFriction(j, source) for j in moving for source in coupled(robot, j)]
         elif issubclass(kind, VelocityEffect):
-            effects += [kind(j, start.smoothing[j]) for j in moving]
+            effects += [kind(j).turned_as(start.friction[j]) for j in moving]
         else:
             effects += [kind(j) for j in moving]
     return effects

@@ -140,21 +140,23 @@ def _known(term: Term, robot: Robot) -> bool:
 
 
 def _entry(term: Term) -> list[int]:
-    """Kind, joint, other joint and elements of a term."""
+    """Kind, joint, other joint and length of the memory of a term."""
     effect = term.effect
-    elements = len(effect.spread) if isinstance(effect, MaxwellSlip) else 0
-    return [ENCODED[type(effect)], effect.at, getattr(effect, "source", 0), elements]
+    return [ENCODED[type(effect)], effect.at, getattr(effect, "source", 0), effect.start().size]
 
 
 def _values(term: Term) -> FloatArray:
-    """Smoothing, power, shapes, coefficients of a term; of Maxwell slip the elements' displacements and forces."""
+    """Width, power, shapes, coefficients of a term; of Maxwell slip the elements' displacements and forces.
+
+    The width is the speed over which a direction turns or, of one that remembers, the displacement.
+    """
     effect = term.effect
     if isinstance(effect, MaxwellSlip):
         return np.concatenate([term.shape[0] * np.array(effect.spread), term.coefficients])
-    smoothing = getattr(effect, "smoothing", 0.0)
+    width = getattr(effect, "presliding", 0.0) or getattr(effect, "smoothing", 0.0)
     if isinstance(effect, Stribeck):
-        return np.concatenate([[smoothing, effect.exponent(term.shape)], term.shape[:1], term.coefficients])
-    return np.concatenate([[smoothing], term.shape, term.coefficients])
+        return np.concatenate([[width, effect.exponent(term.shape)], term.shape[:1], term.coefficients])
+    return np.concatenate([[width], term.shape, term.coefficients])
 
 
 @compiled
@@ -170,28 +172,30 @@ def add_terms(
 ) -> None:
     """Add every row of the table to ``force`` (n,).
 
-    ``entries`` (T, 6): kind, joint, other joint, elements, and where in ``values`` and ``memory`` the term's begin.
+    ``entries`` (T, 6): kind, joint, other joint, length of the memory, and where in ``values`` and ``memory`` the
+    term's begin.
     """
     for k in range(len(entries)):
-        kind, j, source, elements, v, m = entries[k]
+        kind, j, source, length, v, m = entries[k]
         if kind == _SLIP:
-            force[j] += _slip(q[j], values[v : v + 2 * elements], memory[m : m + elements])
+            force[j] += _slip(q[j], values[v : v + 2 * length], memory[m : m + length])
         elif kind == _CROSS:
             mixed = math.cos(values[v + 1]) * dq[j] + math.sin(values[v + 1]) * dq[source]
             force[j] += values[v + 3] * math.tanh(mixed / values[v + 2]) + values[v + 4] * dq[source]
-        elif kind <= _ROTOR or kind in (_CABLE, _RIPPLE):
+        elif kind in (_VISCOUS, _OFFSET, _ROTOR, _CABLE, _RIPPLE):
             force[j] += _plain(kind, values[v:], q[j], dq[j], ddq[j])
+        elif kind == _SIGMOID:
+            force[j] += _sigmoid(values[v:], dq[j])
         else:
-            force[j] += _by_speed(kind, values[v:], dq[j], load[j])
+            direction = _built_up(q[j], values[v], memory[m:]) if length else math.tanh(dq[j] / values[v])
+            force[j] += _directed(kind, values[v:], dq[j], direction, load[j])
 
 
 @compiled
 def _plain(kind: int, p: FloatArray, q: float, dq: float, ddq: float) -> float:
-    """Force of a term without shapes or load, or that the angle alone decides; ``p`` holds its values."""
+    """Force of a term that one signal of the joint's motion decides; ``p`` holds its values."""
     force: float = p[1]
-    if kind == _COULOMB:
-        force *= math.tanh(dq / p[0])
-    elif kind == _VISCOUS:
+    if kind == _VISCOUS:
         force *= dq
     elif kind == _ROTOR:
         force *= ddq
@@ -203,18 +207,35 @@ def _plain(kind: int, p: FloatArray, q: float, dq: float, ddq: float) -> float:
 
 
 @compiled
-def _by_speed(kind: int, p: FloatArray, dq: float, load: float) -> float:
-    """Force of a term that bends with the speed, or that speed and load decide; ``p`` holds its values."""
-    direction = math.tanh(dq / p[0])
-    force: float = p[1] * direction * abs(load)
-    if kind == _ASYMMETRY:
+def _directed(kind: int, p: FloatArray, dq: float, direction: float, load: float) -> float:
+    """Force of a term against the direction of motion; ``p`` holds its values."""
+    force: float = p[1] * direction
+    if kind == _LOAD:
+        force *= abs(load)
+    elif kind == _ASYMMETRY:
         force = p[1] * abs(direction)
     elif kind == _STRIBECK:
         force = p[3] * direction * math.exp(-(abs(dq / p[2]) ** p[1]))
-    elif kind == _SIGMOID:
-        force = p[3] * (_logistic((dq + p[2]) / p[1]) - _logistic(p[2] / p[1]))
     elif kind == _NONLINEAR:
         force = p[2] * direction * (abs(dq) + 1e-9) ** p[1]
+    return force
+
+
+@compiled
+def _built_up(q: float, displacement: float, memory: FloatArray) -> float:
+    """Direction that builds up over a displacement; ``memory`` holds the last position and direction."""
+    step = q - memory[0]
+    if abs(step) > 0.0:  # not where the last is not known
+        sign = 1.0 if step > 0.0 else -1.0
+        memory[1] = sign + (memory[1] - sign) * math.exp(-abs(step) / displacement)
+    memory[0] = q
+    direction: float = memory[1]
+    return direction
+
+
+@compiled
+def _sigmoid(p: FloatArray, dq: float) -> float:
+    force: float = p[3] * (_logistic((dq + p[2]) / p[1]) - _logistic(p[2] / p[1]))
     return force
 
 

@@ -15,7 +15,7 @@ from ident.design import Design
 from ident.drive_gain import GainEstimate, gains_from_payload, shared_gains
 from ident.effects.base import Effect, initial_term
 from ident.effects.electrical import CurrentOffset
-from ident.effects.friction import SMOOTHING, Coulomb, VelocityEffect, Viscous
+from ident.effects.friction import SMOOTHING, Coulomb, Viscous
 from ident.effects.rigid_body import Links, RotorInertia
 from ident.errors import InputError
 from ident.fit import Drives, solved_model
@@ -69,9 +69,9 @@ class Start:
     effects: Sequence[Effect]
 
     @property
-    def smoothing(self) -> dict[int, float]:
-        """Speed over which the sign of velocity turns of each joint, from 0, that moves."""
-        return {effect.at: effect.smoothing for effect in self.effects if isinstance(effect, VelocityEffect)}
+    def friction(self) -> dict[int, Coulomb]:
+        """Dry friction of each joint, from 0, that moves."""
+        return {effect.at: effect for effect in self.effects if isinstance(effect, Coulomb)}
 
     def model(self, robot: Robot) -> CurrentModel:
         """A robot's model with these effects, fitted to the rows held, without standard deviations."""

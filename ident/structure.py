@@ -11,7 +11,15 @@ from joblib import Parallel, delayed
 from ident.arrays import BoolArray, FloatArray, IntArray
 from ident.design import Counts, Design
 from ident.effects.base import Context, Effect, initial_term
-from ident.effects.friction import CoulombAsymmetry, LoadFriction, Sigmoid, Stribeck, ViscousNonlinear
+from ident.effects.friction import (
+    CoulombAsymmetry,
+    DirectedEffect,
+    LoadFriction,
+    Sigmoid,
+    Stribeck,
+    VelocityEffect,
+    ViscousNonlinear,
+)
 from ident.effects.hysteresis import MaxwellSlip
 from ident.effects.rigid_body import CableSpring
 from ident.effects.transmission import CrossJointFriction, GearRipple
@@ -140,14 +148,16 @@ def _quiet(block: Block, cutoff: float) -> Block:
 
 def candidates(robot: Robot, own: Sequence[Effect], joint: int, rests: bool = True) -> list[Effect]:
     """Friction effects that a joint may still take, given those it has, and whether the logs show it at rest."""
-    smoothing = next((effect.smoothing for effect in own if hasattr(effect, "smoothing")), None)
-    if smoothing is None:
+    frictions = [effect for effect in own if isinstance(effect, VelocityEffect)]
+    if not frictions:
         return []
+    friction = next((effect for effect in frictions if isinstance(effect, DirectedEffect)), frictions[0])
     present = {effect.name for effect in own}
-    possible: list[Effect] = [kind(joint, smoothing) for kind in (Stribeck, Sigmoid, ViscousNonlinear, LoadFriction)]
+    kinds: list[type[VelocityEffect]] = [Stribeck, Sigmoid, ViscousNonlinear, LoadFriction]
     if rests:
         # A joint that only moves cannot tell an asymmetry from its offset, and would be wrong at rest.
-        possible.append(CoulombAsymmetry(joint, smoothing))
+        kinds.append(CoulombAsymmetry)
+    possible: list[Effect] = [kind(joint).turned_as(friction) for kind in kinds]
     possible += [MaxwellSlip(joint), CableSpring(joint)]
     if not robot.multibody.prismatic[joint]:
         possible.append(GearRipple(joint))

@@ -78,7 +78,7 @@ def sentence(found: GapReport, finding: Finding) -> str:
     if found.evidence is not None and finding.effect != "contact":
         number = found.findings.index(finding)
         # Rests of joints that stick would hide what became of the rest.
-        steps, part = (found.evidence.moving, ", in motion,") if found.left_out else (found.evidence.steps, "")
+        steps, part = (found.evidence.moving, ", in motion,") if found.rests else (found.evidence.steps, "")
         before, after = steps[number], steps[number + 1]
         everywhere = not finding.joints or any(term.effect.acts_on is None for term in finding.terms)
         joint = int(np.argmax(1.0 - after / before)) if everywhere else finding.joints[0]
@@ -127,13 +127,13 @@ def gap_report(found: GapReport, test: Sequence[LogSource], note: Provenance) ->
     report.section("Where the gap is")
     report.text(
         "RMS residual by joint and regime of motion on the train logs, over the joint's noise floor; one is noise. "
-        "Blank: hardly a row, or rows left out because the joint sticks or yields, or noise hides which way it moves. "
+        "Blank: hardly a row, or rows left out because the joint sticks, or noise hides which way it moves. "
         "Intervals come from a block bootstrap."
     )
     report.figure(_map(found), "Before (left) and after (right) what was found is added")
-    shown = [before, after, *((found.evidence.moving[0], found.evidence.moving[-1]) if found.left_out else ())]
+    shown = [before, after, *((found.evidence.moving[0], found.evidence.moving[-1]) if found.rests else ())]
     rows = [[j + 1, name, *(x[j] for x in shown), found.noise_floor[j]] for j, name in enumerate(robot.joints)]
-    moving = [f"before, in motion [{unit}]", f"after, in motion [{unit}]"] if found.left_out else []
+    moving = [f"before, in motion [{unit}]", f"after, in motion [{unit}]"] if found.rests else []
     columns = ["joint", "name", f"before [{unit}]", f"after [{unit}]", *moving, f"noise floor [{unit}]"]
     report.table(columns, rows, "RMS error on the test logs")
     for finding in found.findings:
@@ -250,8 +250,8 @@ def _open(report: Report, found: GapReport) -> None:
         report.text("Nothing that a flexible regressor could predict on stretches held out.")
     if found.rests:
         report.text(sticking(found.rests))
-    if found.turns:
-        report.text(yielding(found.turns))
+    if found.survey.presliding.any():
+        report.text(yielding(found.survey.presliding))
     report.section("What could not be tested")
     rows = [[u.effect, ", ".join(str(j + 1) for j in u.joints) or "all", u.reason] for u in found.untestable]
     if rows:

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+from ident.arrays import FloatArray
+
 
 def sticking(joints: Sequence[int]) -> str:
     """Say that the rests of joints, from 0, were left out, and why."""
@@ -14,13 +16,12 @@ def sticking(joints: Sequence[int]) -> str:
     )
 
 
-def yielding(joints: Sequence[int]) -> str:
-    """Say that what follows the turns of joints, from 0, was left out, and why."""
+def yielding(lengths: FloatArray) -> str:
+    """Say over which displacements (n,) the dry friction of joints builds up."""
+    said = ", ".join(f"{j + 1} ({1e3 * length:.2g})" for j, length in enumerate(lengths) if length > 0.0)
     return (
-        f"Joints whose dry friction builds up over less than a milliradian as they turn round: {_listed(joints)}. "
-        "A sign of velocity cannot follow that, and its errors would hide everything else: rows within a milliradian "
-        "after a turn were left out, but for the errors on logs, which are given with and without them. A model of "
-        "identify, which may take friction with hysteresis, learns from them."
+        f"Joints that yield before they slip, with the displacement in mrad (mm) over which their dry friction builds "
+        f"up as they turn round: {said}. The model's friction does so, and holds where a joint stops."
     )
 
 

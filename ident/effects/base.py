@@ -80,6 +80,7 @@ class Context:
         load: force (N, n) that its links need; given to effects with ``load`` among their ``needs``.
         links: link parameters (n, 10 n) that row j of the links' equations uses, in force units (``links``).
         total: force (N, n) of all effects that do not themselves need the total (``total``).
+        direction: direction (N,) of friction of the joint that is asked for, where it is known already.
     """
 
     robot: Robot
@@ -87,6 +88,7 @@ class Context:
     load: FloatArray | None = None
     links: FloatArray | None = None
     total: FloatArray | None = None
+    direction: FloatArray | None = None
 
     def needed(self, what: str, by: str) -> FloatArray:
         """Return ``load``, ``links`` or ``total``.
@@ -133,6 +135,7 @@ class Survey:
     Attributes:
         robot: the robot.
         smoothing: speed (n,) over which each joint's sign of velocity turns [rad/s or m/s].
+        presliding: displacement (n,) over which its dry friction builds up instead [rad or m]; nought for none.
         pace: mean speed (n,) [rad/s or m/s].
         friction: friction force (n,) of each joint at its mean speed, in the model's force unit.
         viscous: share (n,) of it that is viscous.
@@ -147,6 +150,7 @@ class Survey:
 
     robot: Robot
     smoothing: FloatArray
+    presliding: FloatArray
     pace: FloatArray
     friction: FloatArray
     viscous: FloatArray

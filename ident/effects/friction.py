@@ -1,13 +1,14 @@
-"""Friction family: functions of the joint's velocity (and load) without memory."""
+"""Friction family: functions of the joint's velocity (and load), with no memory but that of the last turn."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING, ClassVar, Self
 
 import numpy as np
 
 from ident.arrays import FloatArray
+from ident.compiled import compiled
 from ident.effects.base import Coefficient, Context, Effect, Shape, Survey
 
 if TYPE_CHECKING:
@@ -32,20 +33,81 @@ class VelocityEffect(Effect):
 
     @classmethod
     def candidates(cls, survey: Survey, joint: int | None) -> list[Effect]:
-        """Try it with the smoothing that the logs ask for."""
-        return [] if joint is None else [cls(joint, float(survey.smoothing[joint]))]
+        """Try it with the direction that the logs ask for."""
+        return [] if joint is None else [cls.seen(survey, joint)]
+
+    @classmethod
+    def seen(cls, survey: Survey, joint: int, *options: float | None) -> Self:
+        """Return the effect of a joint with the direction that the logs ask for, and options of its own in order."""
+        return cls(joint, float(survey.smoothing[joint]), *options)
+
+    def turned_as(self, friction: VelocityEffect) -> Self:
+        """Return the same effect with the direction of another of its joint."""
+        return replace(self, smoothing=friction.smoothing)
 
     def velocity(self, context: Context) -> FloatArray:
         """Return the joint's velocity (N,)."""
         return context.motion.dq[:, self.at]
 
-    def direction(self, context: Context) -> FloatArray:
-        """Return the smoothed sign (N,) of the joint's velocity."""
+
+@dataclass(frozen=True)
+class DirectedEffect(VelocityEffect):
+    """A friction effect that points against the motion.
+
+    Its direction is the sign of velocity or, with presliding, the state of a Dahl (1968) element: bearings and teeth
+    yield before they slip, so that friction builds up over a displacement as the joint turns round, and stays where
+    the joint stops.
+
+    Attributes:
+        presliding: displacement [rad or m] over which 1 - 1/e of a change of direction builds up; nought for none.
+        remembers: whether it remembers more than its direction.
+    """
+
+    presliding: float = field(default=0.0, kw_only=True)
+
+    remembers: ClassVar[bool] = False
+
+    @classmethod
+    def seen(cls, survey: Survey, joint: int, *options: float | None) -> Self:
+        """Return the effect of a joint with the direction that the logs ask for, and options of its own in order."""
+        return cls(joint, float(survey.smoothing[joint]), *options, presliding=float(survey.presliding[joint]))
+
+    def turned_as(self, friction: VelocityEffect) -> Self:
+        """Return the same effect with the direction of another of its joint."""
+        return replace(self, smoothing=friction.smoothing, presliding=getattr(friction, "presliding", 0.0))
+
+    def start(self) -> FloatArray:
+        """Return last position, not known before the first, and direction; nothing without presliding."""
+        return np.array([np.nan, 0.0]) if self.presliding > 0.0 else np.zeros(0)
+
+    def direction(self, context: Context, memory: FloatArray) -> FloatArray:
+        """Return the direction (N,) of the joint's motion, from -1 to 1, carrying the memory forward."""
+        if context.direction is not None:
+            return context.direction
+        if self.presliding > 0.0:
+            position = np.ascontiguousarray(context.motion.q[:, self.at])
+            built: FloatArray = _build_up(position, self.presliding, memory)
+            return built
         return np.tanh(self.velocity(context) / self.smoothing)
 
 
+@compiled
+def _build_up(position: FloatArray, displacement: float, memory: FloatArray) -> FloatArray:
+    out = np.empty(len(position))
+    last, state = memory[0], memory[1]
+    for k in range(len(position)):
+        step = position[k] - last
+        if abs(step) > 0.0:  # not where the last is not known
+            sign = 1.0 if step > 0.0 else -1.0
+            state = sign + (state - sign) * np.exp(-abs(step) / displacement)
+        last = position[k]
+        out[k] = state
+    memory[0], memory[1] = last, state
+    return out
+
+
 @dataclass(frozen=True)
-class Coulomb(VelocityEffect):
+class Coulomb(DirectedEffect):
     """Dry friction of constant size against the motion."""
 
     name = "coulomb"
@@ -58,8 +120,8 @@ class Coulomb(VelocityEffect):
         return (Coefficient("force", "{current}"),)
 
     def columns(self, context: Context, shape: FloatArray, memory: FloatArray) -> FloatArray:
-        """Return the smoothed sign of velocity."""
-        return self.direction(context)[:, None]
+        """Return the direction of motion."""
+        return self.direction(context, memory)[:, None]
 
 
 @dataclass(frozen=True)
@@ -81,7 +143,7 @@ class Viscous(VelocityEffect):
 
 
 @dataclass(frozen=True)
-class CoulombAsymmetry(VelocityEffect):
+class CoulombAsymmetry(DirectedEffect):
     """Dry friction that differs between the two directions: the part that does not change sign with velocity."""
 
     name = "coulomb-asymmetry"
@@ -96,11 +158,11 @@ class CoulombAsymmetry(VelocityEffect):
 
     def columns(self, context: Context, shape: FloatArray, memory: FloatArray) -> FloatArray:
         """Return one while the joint moves, nought at rest."""
-        return np.abs(self.direction(context))[:, None]
+        return np.abs(self.direction(context, memory))[:, None]
 
 
 @dataclass(frozen=True)
-class Stribeck(VelocityEffect):
+class Stribeck(DirectedEffect):
     """Extra friction at low speed that vanishes as a lubricant film builds up (Armstrong-Helouvry et al. 1994).
 
     Attributes:
@@ -117,7 +179,7 @@ class Stribeck(VelocityEffect):
     @classmethod
     def candidates(cls, survey: Survey, joint: int | None) -> list[Effect]:
         """Try it with any power."""
-        return [] if joint is None else [cls(joint, float(survey.smoothing[joint]), None)]
+        return [] if joint is None else [cls.seen(survey, joint, None)]
 
     @property
     def shapes(self) -> tuple[Shape, ...]:
@@ -132,12 +194,13 @@ class Stribeck(VelocityEffect):
 
     def columns(self, context: Context, shape: FloatArray, memory: FloatArray) -> FloatArray:
         """Return sign(dq) exp(-|dq/speed|^power)."""
-        return (self.direction(context) * np.exp(-(self._ratio(context, shape) ** self.exponent(shape))))[:, None]
+        fading = np.exp(-(self._ratio(context, shape) ** self.exponent(shape)))
+        return (self.direction(context, memory) * fading)[:, None]
 
     def gradient(self, context: Context, shape: FloatArray) -> FloatArray:
         """Differentiate the columns by the Stribeck speed and its power."""
         ratio, power = self._ratio(context, shape), self.exponent(shape)
-        change = self.direction(context) * np.exp(-(ratio**power)) * ratio**power
+        change = self.direction(context, self.start()) * np.exp(-(ratio**power)) * ratio**power
         by_shape = np.stack([change * power / float(shape[0]), -change * np.log(ratio)])
         return by_shape[: len(shape), :, None]
 
@@ -178,7 +241,7 @@ class Sigmoid(VelocityEffect):
     @classmethod
     def candidates(cls, survey: Survey, joint: int | None) -> list[Effect]:
         """Try it wider than the smoothing of a sign could be."""
-        return [] if joint is None else [cls(joint, float(survey.smoothing[joint]), SLOWEST_SIGMOID)]
+        return [] if joint is None else [cls.seen(survey, joint, SLOWEST_SIGMOID)]
 
     @property
     def shapes(self) -> tuple[Shape, ...]:
@@ -208,7 +271,7 @@ class Sigmoid(VelocityEffect):
 
 
 @dataclass(frozen=True)
-class ViscousNonlinear(VelocityEffect):
+class ViscousNonlinear(DirectedEffect):
     """Friction that grows with a power of speed other than one: shear-thinning grease below, churning above.
 
     Attributes:
@@ -231,8 +294,7 @@ class ViscousNonlinear(VelocityEffect):
         """Try it on either side of an exponent of one, next to which it is a difference of large viscous forces."""
         if joint is None:
             return []
-        smoothing = float(survey.smoothing[joint])
-        return [cls(joint, smoothing, cls.least, 0.9), cls(joint, smoothing, 1.1, cls.most)]
+        return [cls.seen(survey, joint, cls.least, 0.9), cls.seen(survey, joint, 1.1, cls.most)]
 
     @property
     def shapes(self) -> tuple[Shape, ...]:
@@ -249,12 +311,12 @@ class ViscousNonlinear(VelocityEffect):
 
     def columns(self, context: Context, shape: FloatArray, memory: FloatArray) -> FloatArray:
         """Return sign(dq) |dq|^exponent."""
-        return (self.direction(context) * self._speed(context) ** float(shape[0]))[:, None]
+        return (self.direction(context, memory) * self._speed(context) ** float(shape[0]))[:, None]
 
     def gradient(self, context: Context, shape: FloatArray) -> FloatArray:
         """Differentiate the columns by the exponent."""
         speed = self._speed(context)
-        return (self.direction(context) * speed ** float(shape[0]) * np.log(speed))[None, :, None]
+        return (self.direction(context, self.start()) * speed ** float(shape[0]) * np.log(speed))[None, :, None]
 
     def _speed(self, context: Context) -> FloatArray:
         # Away from nought, where the logarithm of the gradient ends.
@@ -262,7 +324,7 @@ class ViscousNonlinear(VelocityEffect):
 
 
 @dataclass(frozen=True)
-class LoadFriction(VelocityEffect):
+class LoadFriction(DirectedEffect):
     """Dry friction that grows with the torque that the gear transmits (Hamon et al. 2010; Wahrburg et al. 2018)."""
 
     name = "load-friction"
@@ -278,11 +340,11 @@ class LoadFriction(VelocityEffect):
     def columns(self, context: Context, shape: FloatArray, memory: FloatArray) -> FloatArray:
         """Return sign(dq) |load|."""
         load = context.needed("load", self.name)[:, self.at]
-        return (self.direction(context) * np.abs(load))[:, None]
+        return (self.direction(context, memory) * np.abs(load))[:, None]
 
 
 @dataclass(frozen=True)
-class PositionFriction(VelocityEffect):
+class PositionFriction(DirectedEffect):
     """Dry friction that swings with the joint's angle: eccentric bearings, worn teeth, a seal that is out of round.
 
     A swing's second harmonic stands for what is no sine, such as a spot that rubs. Friction that repeats with the
@@ -307,7 +369,7 @@ class PositionFriction(VelocityEffect):
         if joint is None:
             return []
         fewest = float(np.clip(0.5 * np.pi / max(float(survey.reach[joint]), 1e-3), cls.fewest, 0.25 * MOST_SWINGS))
-        return [cls(joint, float(survey.smoothing[joint]), fewest, harmonics) for harmonics in (1, 2)]
+        return [cls.seen(survey, joint, fewest, harmonics) for harmonics in (1, 2)]
 
     @property
     def shapes(self) -> tuple[Shape, ...]:
@@ -325,7 +387,7 @@ class PositionFriction(VelocityEffect):
         """Return sign(dq) times cosine and sine of once (and twice) per_turn times the angle."""
         phases = [k * shape[0] * context.motion.q[:, self.at] for k in range(1, self.harmonics + 1)]
         waves = np.stack([wave(phase) for phase in phases for wave in (np.cos, np.sin)], axis=1)
-        swing: FloatArray = self.direction(context)[:, None] * waves
+        swing: FloatArray = self.direction(context, memory)[:, None] * waves
         return swing
 
     def summary(self, robot: Robot, shape: FloatArray, coefficients: FloatArray) -> dict[str, float | list[float]]:

@@ -10,7 +10,7 @@ import numpy as np
 from ident.arrays import FloatArray
 from ident.compiled import compiled
 from ident.effects.base import Coefficient, Context, Effect, Shape, Survey
-from ident.effects.friction import VelocityEffect
+from ident.effects.friction import DirectedEffect
 
 if TYPE_CHECKING:
     from ident.robot import Robot
@@ -19,7 +19,7 @@ Heat = TypeVar("Heat", float, FloatArray)
 
 
 @dataclass(frozen=True)
-class ThermalFriction(VelocityEffect):
+class ThermalFriction(DirectedEffect):
     """Friction that changes while the grease warms up (Bittencourt and Gunnarsson 2012).
 
     The joint's heat follows the power that its dry and viscous friction dissipate, with one time constant; a segment
@@ -37,6 +37,7 @@ class ThermalFriction(VelocityEffect):
 
     name = "thermal-friction"
     family = "friction"
+    remembers = True
     rivals = ("sensor-drift",)
     excitation = "several minutes of steady motion in both directions from a cold start"
 
@@ -45,8 +46,8 @@ class ThermalFriction(VelocityEffect):
         """Try it with the joint's own pace and friction."""
         if joint is None:
             return []
-        figures = survey.smoothing, survey.pace, survey.friction, survey.viscous
-        return [cls(joint, *(float(figure[joint]) for figure in figures))]
+        figures = survey.pace, survey.friction, survey.viscous
+        return [cls.seen(survey, joint, *(float(figure[joint]) for figure in figures))]
 
     @property
     def shapes(self) -> tuple[Shape, ...]:
@@ -59,8 +60,8 @@ class ThermalFriction(VelocityEffect):
         return (Coefficient("force", "{current}"), Coefficient("damping", "{current} s/{angle}"))
 
     def start(self) -> FloatArray:
-        """Return the heat and the time of the last sample, not known before the first."""
-        return np.array([0.0, np.nan])
+        """Return the heat and the time of the last sample, not known before the first, and what its direction asks."""
+        return np.concatenate([[0.0, np.nan], super().start()])
 
     def columns(self, context: Context, shape: FloatArray, memory: FloatArray) -> FloatArray:
         """Return (1 - exp(-waning heat)) / waning times sign(dq), and times dq."""
@@ -68,7 +69,8 @@ class ThermalFriction(VelocityEffect):
         speed = np.abs(velocity) / max(self.pace, 1e-9)
         power = speed * (1.0 - self.viscous + self.viscous * speed)
         heat = _heat(np.ascontiguousarray(context.motion.t), np.nan_to_num(power), float(shape[0]), memory)
-        return _change(heat, float(shape[1]))[:, None] * np.stack([self.direction(context), velocity], axis=1)
+        both = np.stack([self.direction(context, memory[2:]), velocity], axis=1)
+        return _change(heat, float(shape[1]))[:, None] * both
 
     def summary(self, robot: Robot, shape: FloatArray, coefficients: FloatArray) -> dict[str, float | list[float]]:
         """Return the share of dry and viscous friction at the mean speed that is lost when warm, and the time."""

@@ -9,7 +9,9 @@ from dataclasses import dataclass, replace
 from threadpoolctl import threadpool_limits
 
 from ident.fit import fit
-from ident.gap.rests import Rests, find_rests
+from ident.gap.presliding import yielding
+from ident.gap.rests import Rests, find_rests, rests_of
+from ident.gap.rows import panel_of, survey_of
 from ident.gap.smoothing import Smoothed, smoothed
 from ident.log import LogSource
 from ident.model import CurrentModel
@@ -78,16 +80,15 @@ class Foreseen:
     rests: Rests
 
 
-def foreseen(model: CurrentModel, train: Sequence[LogSource], choose: bool, turns: bool = True) -> Foreseen:
+def foreseen(model: CurrentModel, train: Sequence[LogSource], choose: bool) -> Foreseen:
     """Let a plain model see logs as it predicts rows held out best.
 
     Args:
         model: links, rotors, offsets, Coulomb and viscous friction, fitted to the logs.
         train: the logs.
         choose: whether the cut-off is chosen, too.
-        turns: whether rows in which a joint yields as it turns may be left out.
     """
-    rests = find_rests(model, train, turns)
+    model, rests = _directed(model, train)
     logged = any(block.dq is not None for source in train for block in itertools.islice(source.blocks(2), 1))
     logs = _Logs(train, logged, rests)
     best = _best_velocities(model, logs)
@@ -95,6 +96,15 @@ def foreseen(model: CurrentModel, train: Sequence[LogSource], choose: bool, turn
         lower = _followed(best, STEP, logs)
         best = lower if lower is not best else _followed(best, 1.0 / STEP, logs)
     return Foreseen(best.model, rests)
+
+
+def _directed(model: CurrentModel, train: Sequence[LogSource]) -> tuple[CurrentModel, Rests]:
+    """The model with friction that builds up over a displacement where joints yield, and which joints stick then."""
+    panel = panel_of(model, train)
+    survey = survey_of(model, panel)
+    rests = rests_of(model, panel, survey)
+    found = yielding(model, panel, survey, rests)
+    return found, rests if found is model else find_rests(found, train)
 
 
 @dataclass(frozen=True, eq=False)

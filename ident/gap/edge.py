@@ -1,4 +1,4 @@
-"""How the sign of velocity turns in detail: what no effect may be named for."""
+"""How the direction of friction turns in detail: what no effect may be named for."""
 
 from __future__ import annotations
 
@@ -18,17 +18,24 @@ from ident.gap.search import GAIN
 EDGE, WIDEST = 4.0, 0.012
 """How much narrower and wider the sign of velocity may turn than the model says, and how wide at most [rad/s]."""
 
+LONGER = 2.0
+"""How much shorter and longer the displacement may be over which friction builds up."""
+
 MOST = 3.0
 """Times the model's dry friction that turns otherwise at most: more of it is no edge but an effect."""
 
 
 def edge_columns(panel: Panel, own: Sequence[Term], joint: int) -> FloatArray:
-    """Columns (N, 3), or none, by which a joint's sign of velocity may turn otherwise than modelled."""
+    """Columns (N, 3), or none, by which a joint's direction may turn otherwise than modelled."""
     for term in own:
         if isinstance(term.effect, Coulomb):
             v, width = panel.velocity[:, joint], term.effect.smoothing
-            sign = np.tanh(v / width)
+            sign = panel.columns(term.effect, term.shape, joint)[:, 0]
             bends = [v / np.sqrt(v**2 + width**2), np.tanh(EDGE * v / width), np.tanh(v / min(EDGE * width, WIDEST))]
+            if term.effect.presliding > 0.0:
+                lengths = (term.effect.presliding / LONGER, term.effect.presliding * LONGER)
+                others = (replace(term.effect, presliding=length) for length in lengths)
+                bends = [np.tanh(v / width), *(panel.columns(other, term.shape, joint)[:, 0] for other in others)]
             return np.stack([bend - sign for bend in bends], axis=1)
     return np.zeros((len(panel), 0))
 

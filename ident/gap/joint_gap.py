@@ -92,16 +92,10 @@ class JointGap:
             there = float(problem.fit(column)[-1]) if problem.drop(column) > 0.0 else 1.0
         return replace(self, target=self.target - there * force, present=(*self.present, effect))
 
-    def moving(self, panel: Panel, rests: BoolArray, sticks: bool) -> JointGap:
-        """The same with rests (N,) left out: hardly a row is left in which the sign turns to tell how it does.
-
-        Args:
-            panel: the rows.
-            rests: those of them in which the joint's dry friction says nothing.
-            sticks: whether it is the standing joint that says nothing.
-        """
+    def moving(self, panel: Panel, rests: BoolArray) -> JointGap:
+        """The same with rests (N,) left out: hardly a row is left in which the sign turns to tell how it does."""
         edge = self.matrix[:, self.matrix.shape[1] - self.nuisance :]
-        left = replace(self.bare().without(rests), sticks=sticks, edge=edge)
+        left = replace(self.bare().without(rests), sticks=True, edge=edge)
         rows = np.bincount(panel.fold[left.keep], minlength=int(panel.fold.max()) + 1)
         if rows.min() >= SCARCE * rows.mean():
             return left

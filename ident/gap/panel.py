@@ -12,6 +12,7 @@ import numpy.typing as npt
 
 from ident.arrays import FloatArray, IntArray
 from ident.effects.base import Context, Effect
+from ident.effects.friction import DirectedEffect
 from ident.gap.jolts import jolts
 from ident.model import CurrentModel
 from ident.robot import Robot
@@ -80,18 +81,37 @@ class Panel:
 
     def sweep(self, effect: Effect, shapes: Sequence[FloatArray], joint: int) -> Iterator[FloatArray]:
         """Yield the columns (N, k) of an effect in a joint's rows at each of several shapes."""
-        if len(shapes) > 1 and effect.start().size == 0:
-            for found in effect.sweep(self._looked_at, np.array(shapes)):
+        context = self._seen_in_rows(effect)
+        if len(shapes) > 1 and context is not None:
+            for found in effect.sweep(context, np.array(shapes)):
                 yield found[:, joint] if effect.acts_on is None else found
         else:
             yield from (self.columns(effect, shape, joint) for shape in shapes)
 
     def _columns(self, effect: Effect, shape: FloatArray) -> FloatArray:
-        if effect.start().size == 0:
-            return effect.columns(self._looked_at, shape, effect.start())
+        context = self._seen_in_rows(effect)
+        if context is not None:
+            return effect.columns(context, shape, effect.start())
         # An effect that remembers must see the rows between.
-        pairs = zip(self.contexts, self.rows, strict=True)
-        return np.concatenate([effect.columns(context, shape, effect.start())[rows] for context, rows in pairs])
+        return self._looked_up(lambda context: effect.columns(context, shape, effect.start()))
+
+    def _seen_in_rows(self, effect: Effect) -> Context | None:
+        """What an effect sees of the rows looked at; None of one that must see those between at every shape."""
+        if effect.start().size == 0:
+            return self._looked_at
+        if not isinstance(effect, DirectedEffect) or effect.remembers:
+            return None
+        key = effect.at, effect.presliding
+        if key not in self._directions:
+            self._directions[key] = self._looked_up(lambda context: effect.direction(context, effect.start()))
+        return replace(self._looked_at, direction=self._directions[key])
+
+    def _looked_up(self, of: Callable[[Context], FloatArray]) -> FloatArray:
+        return np.concatenate([of(context)[rows] for context, rows in zip(self.contexts, self.rows, strict=True)])
+
+    @cached_property
+    def _directions(self) -> dict[tuple[int, float], FloatArray]:
+        return {}
 
     @cached_property
     def _kept(self) -> dict[Effect, FloatArray]:

@@ -76,7 +76,6 @@ class GapReport:
         p_values: chance (n,), over all joints, of so good a first candidate on each joint where there is nothing.
         evidence: errors on the test logs, finding by finding; None where there are no test logs.
         rests: joints, from 0, that stick: their rests were left out, but for the errors on test logs.
-        turns: joints, from 0, whose dry friction builds up over less than a milliradian: so was what follows turns.
         warnings: what the user should look at, in sentences.
     """
 
@@ -93,13 +92,7 @@ class GapReport:
     p_values: FloatArray = field(repr=False)
     evidence: Evidence | None = None
     rests: tuple[int, ...] = ()
-    turns: tuple[int, ...] = ()
     warnings: tuple[str, ...] = ()
-
-    @property
-    def left_out(self) -> bool:
-        """Whether rests of a joint, or what follows its turns, were left out."""
-        return bool(self.rests or self.turns)
 
     @property
     def noise_floor(self) -> FloatArray:

@@ -20,7 +20,7 @@ from ident.gap.panel import Panel
 from ident.gap.problem import JointProblem
 from ident.gap.rows import gap_of, panel_of, survey_of
 from ident.gap.spectrum import spectral_line
-from ident.gap.standing import hardly_moved, lasts, stands
+from ident.gap.standing import lasts, stands
 from ident.gap.touch import row_step
 from ident.gap.unsure import shaken, turning
 from ident.log import LogSource
@@ -65,17 +65,11 @@ that line in a rest: with fewer the line tells how long rests last."""
 EXPLAINED = 0.9
 """Share of the rests' squares that an effect must explain for them to tell of it."""
 
-TRIED, MOST = 4, 0.5
-"""Laws of what follows turns whose shapes are searched, and share of it that the best of them leaves at most."""
-
 SEVERAL = 4.0
 """Rests without which none of them is told of: one level is explained by anything."""
 
 SLIP = 1e-3
 """Displacement [rad or m] before a joint slips below which it sticks: dry friction yields by that much in its gears."""
-
-TURNS = 0.2
-"""Share of rows, at most, in which a joint has hardly moved since it turned round, for that to be asked."""
 
 TELLING = ("hysteresis", "rigid-body", "friction", "timing")
 """Families of effects that may act on a joint that stands; ripples fit whatever a few poses hold."""
@@ -83,11 +77,10 @@ TELLING = ("hysteresis", "rigid-body", "friction", "timing")
 
 @dataclass(frozen=True, eq=False)
 class Rests:
-    """Which joints stick, and when; and which yield before they slip.
+    """Which joints stick, and when.
 
     Attributes:
         sticks: joints (n,) whose dry friction holds them while they stand.
-        yields: joints (n,) whose dry friction builds up over less than `SLIP` as they turn round.
         may: joints (n,) that stand and move enough for it to be asked whether they stick.
         slow: speed (n,) below which a joint stands.
         most: force (n,) that its dry friction holds at most.
@@ -95,7 +88,6 @@ class Rests:
     """
 
     sticks: BoolArray
-    yields: BoolArray
     may: BoolArray
     slow: FloatArray
     most: FloatArray
@@ -103,18 +95,8 @@ class Rests:
 
     @property
     def joints(self) -> tuple[int, ...]:
-        """Joints, from 0, whose rests are left out, or what follows their turns."""
-        return tuple(np.flatnonzero(self.sticks | self.yields).tolist())
-
-    @property
-    def sticking(self) -> tuple[int, ...]:
-        """Joints, from 0, whose rests are left out."""
+        """Joints, from 0, that stick."""
         return tuple(np.flatnonzero(self.sticks).tolist())
-
-    @property
-    def yielding(self) -> tuple[int, ...]:
-        """Joints, from 0, of which what follows turns is left out."""
-        return tuple(np.flatnonzero(self.yields).tolist())
 
     def also(self, joints: Sequence[int]) -> Rests:
         """The same with those of further joints, from 0, that may stick."""
@@ -124,8 +106,7 @@ class Rests:
 
     def counts(self, block: Block) -> BoolArray:
         """Whether each joint's row of a block (N, n) counts."""
-        slow = np.where(self.sticks, self.slow, 0.0)
-        return ~(stands(block, slow, self.around) | hardly_moved(block, np.where(self.yields, SLIP, 0.0)))
+        return ~stands(block, np.where(self.sticks, self.slow, 0.0), self.around)
 
     def beyond(self, joint: int, left: FloatArray) -> FloatArray:
         """The part of a resting joint's residuals (M,) that its dry friction cannot hold."""
@@ -135,22 +116,21 @@ class Rests:
 def no_rests(n: int) -> Rests:
     """No joint sticks."""
     nobody = np.zeros(n, dtype=bool)
-    return Rests(nobody, nobody, nobody, np.zeros(n), np.zeros(n), 0.0)
+    return Rests(nobody, nobody, np.zeros(n), np.zeros(n), 0.0)
 
 
-def find_rests(model: CurrentModel, sources: Sequence[LogSource], turns: bool = True) -> Rests:
+def find_rests(model: CurrentModel, sources: Sequence[LogSource]) -> Rests:
     """Find the joints that stick in logs, given a plain model of them.
 
     Args:
         model: links, rotors, offsets, Coulomb and viscous friction, fitted to the logs.
         sources: the logs.
-        turns: whether those that yield as they turn are asked for, too: a model that may get a memory learns from that.
     """
     panel = panel_of(model, sources)
-    return rests_of(model, panel, survey_of(model, panel), turns)
+    return rests_of(model, panel, survey_of(model, panel))
 
 
-def rests_of(model: CurrentModel, panel: Panel, survey: Survey, turns: bool = True) -> Rests:
+def rests_of(model: CurrentModel, panel: Panel, survey: Survey) -> Rests:
     """Find the joints that stick, the model's columns being fitted again: what has changed would hide what is held."""
     gaps = [gap_of(model, panel, j) for j in range(model.n)]
     speed = np.minimum(STANDS, OF_MEAN * survey.pace)
@@ -170,34 +150,12 @@ def rests_of(model: CurrentModel, panel: Panel, survey: Survey, turns: bool = Tr
     if np.mean(sticks) >= TOGETHER[0]:
         sticks = [one or sticking(gap, TOGETHER[1]) for one, gap in zip(sticks, gaps, strict=True)]
     everyone = np.sum(sticks) >= ALL * may.sum()
-    stuck = may if everyone else np.array(sticks)
-    yields = ~stuck & _yielding(panel, survey, gaps, noise) if turns else np.zeros(model.n, dtype=bool)
-    return Rests(stuck, yields, may, speed, HELD * survey.holds, around)
-
-
-def _yielding(panel: Panel, survey: Survey, gaps: Sequence[JointGap], noise: FloatArray) -> BoolArray:
-    """Joints (n,) that err far more where they have hardly moved since they turned round than elsewhere."""
-    turned = panel.gather(lambda block: hardly_moved(block, np.full(len(gaps), SLIP)))
-    asked = (turned.mean(axis=0) <= TURNS) & turned.any(axis=0)
-
-    def yields(gap: JointGap, times: float) -> bool:
-        j = gap.joint
-        if not asked[j]:
-            return False
-        left = gap.without(turned[:, j]).everywhere(panel)
-        usual, held, by_noise = _contrast(left, turned[:, j], noise[:, j])
-        holds = times * usual + SHAKEN * by_noise <= held <= (HELD * survey.holds[j]) ** 2 + usual
-        return holds and _slips(panel, survey, gap, turned[:, j])
-
-    found = [yields(gap, STICKS) for gap in gaps]
-    if np.mean(found) >= TOGETHER[0]:
-        found = [one or yields(gap, TOGETHER[1]) for one, gap in zip(found, gaps, strict=True)]
-    return np.array(found, dtype=bool)
+    return Rests(may if everyone else np.array(sticks), may, speed, HELD * survey.holds, around)
 
 
 def _sticks(panel: Panel, survey: Survey, gap: JointGap, rest: BoolArray, noise: FloatArray, times: float) -> bool:
     left = gap.without(rest).everywhere(panel)
-    usual, held, by_noise = _contrast(left, rest, noise)
+    usual, held, by_noise = contrast(left, rest, noise)
     least = times * usual + SHAKEN * by_noise
     if not least <= held <= (HELD * survey.holds[gap.joint]) ** 2 + usual:
         return False
@@ -206,7 +164,7 @@ def _sticks(panel: Panel, survey: Survey, gap: JointGap, rest: BoolArray, noise:
     return not _told(panel, survey, gap, rest, usual, by_noise)
 
 
-def _contrast(left: FloatArray, rest: BoolArray, noise: FloatArray) -> tuple[float, float, float]:
+def contrast(left: FloatArray, rest: BoolArray, noise: FloatArray) -> tuple[float, float, float]:
     """Mean squares of what is left (N,) in motion, in rests, and of what noise (N,) makes there."""
     return float(np.mean(left[~rest] ** 2)), float(np.mean(left[rest] ** 2)), float(np.mean(noise[rest] ** 2))
 
@@ -259,54 +217,40 @@ def _told(panel: Panel, survey: Survey, gap: JointGap, rest: BoolArray, usual: f
     """
     problem = gap.problem(panel)
     held = float(np.mean(problem.residual[rest] ** 2))
-    if held <= usual or _rests(panel, problem.residual, rest) < SEVERAL:
+    if held <= usual or occasions(panel, problem.residual, rest) < SEVERAL:
         return False  # links bend to few rests until nothing is left of them, and any effect explains one
     noise = min(usual + by_noise, 0.5 * (usual + held))
     least = EXPLAINED * noise + (1.0 - EXPLAINED) * held
 
-    ranked = _ranked(panel, survey, gap, problem, rest)
+    ranked = told_by(panel, survey, gap, problem, rest)
     for place, (left, start) in enumerate(ranked):
         # The best start may be a little off, and the shortest displacement that is begun with is no shortest yet.
         if place > 0 and left >= least:
             break
         searched = start.effect.shapes and (place == 0 or start.effect.family == "hysteresis")
         found = refine(panel, problem, start, gap.joint) if searched else start
-        enough = left < least or _left(panel, problem, found, gap.joint, rest) < least
+        enough = left < least or left_in(panel, problem, found, gap.joint, rest) < least
         if enough and not slipless(panel, gap, found):
             return True
     return False
 
 
-def _slips(panel: Panel, survey: Survey, gap: JointGap, turned: BoolArray) -> bool:
-    """Whether what is left after turns is best told, and most of it, by friction over hardly any displacement.
-
-    A current that comes late looks like that, but a delay tells it better.
-    """
-    problem = gap.problem(panel)
-    if _rests(panel, problem.residual, turned) < SEVERAL:
-        return False
-    ranked = _ranked(panel, survey, gap, problem, turned)[:TRIED]
-    found = [refine(panel, problem, one, gap.joint) if one.effect.shapes else one for _, one in ranked]
-    left, best = min(((_left(panel, problem, one, gap.joint, turned), one) for one in found), key=lambda pair: pair[0])
-    return left < MOST * float(np.mean(problem.residual[turned] ** 2)) and slipless(panel, gap, best)
-
-
-def _ranked(
+def told_by(
     panel: Panel, survey: Survey, gap: JointGap, problem: JointProblem, rest: BoolArray
 ) -> list[tuple[float, Trial]]:
     """Laws that may act on a joint that stands, at their best starts, by what they leave in its rests."""
     effects = [effect for effect in forms(survey, gap.joint, gap.present) if effect.family in TELLING]
     starts = [best_start(panel, problem, effect, gap.joint) for effect in effects]
-    return sorted(((_left(panel, problem, one, gap.joint, rest), one) for one in starts), key=lambda pair: pair[0])
+    return sorted(((left_in(panel, problem, one, gap.joint, rest), one) for one in starts), key=lambda pair: pair[0])
 
 
-def _left(panel: Panel, problem: JointProblem, trial: Trial, joint: int, rest: BoolArray) -> float:
+def left_in(panel: Panel, problem: JointProblem, trial: Trial, joint: int, rest: BoolArray) -> float:
     """Mean square that a trial leaves in rests."""
     columns = admissible(panel, problem, trial.effect, trial.shape, joint)
     return float(np.mean(problem.left(columns)[rest] ** 2))
 
 
-def _rests(panel: Panel, left: FloatArray, rest: BoolArray) -> float:
+def occasions(panel: Panel, left: FloatArray, rest: BoolArray) -> float:
     """How many rests there are, by what they leave: one that lasts for most of the logs counts for all."""
     squares = np.bincount(_numbered(panel, rest)[rest], left[rest] ** 2)
     return float(squares.sum() ** 2 / max(float(squares @ squares), 1e-300))

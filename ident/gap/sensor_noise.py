@@ -21,7 +21,11 @@ def velocities_used(model: CurrentModel, block: Block) -> FloatArray | None:
 def removed_square(model: CurrentModel, block: Block) -> FloatArray:
     """Mean square (N, n), around each row, of what the filter takes of these velocities or else of the positions."""
     logged = velocities_used(model, block)
-    removed = block.removed if logged is None else logged - block.motion.dq
+    return around_square(block, block.removed if logged is None else logged - block.motion.dq)
+
+
+def around_square(block: Block, removed: FloatArray) -> FloatArray:
+    """Mean square (N, n), around each row, of what the filter takes (N, n)."""
     around = max(3, round(AROUND * block.log.rate))
     square = uniform_filter1d(np.nan_to_num(removed) ** 2, around, axis=0, mode="nearest")
     return np.asarray(np.maximum(square, 0.0))

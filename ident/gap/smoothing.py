@@ -1,4 +1,4 @@
-"""Over which speed the sign of velocity turns: dry friction predicts best where it turns as the logs ask for."""
+"""How the direction of dry friction turns: over the speed or displacement with which it predicts logs best."""
 
 from __future__ import annotations
 
@@ -8,9 +8,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ident.arrays import BoolArray
+from ident.effects.base import Effect
 from ident.effects.friction import Coulomb, VelocityEffect
 from ident.gap.joint_gap import JointGap
 from ident.gap.panel import Panel
+from ident.gap.presliding import DryFriction
 from ident.gap.rests import Rests
 from ident.gap.rows import panel_of
 from ident.log import LogSource
@@ -25,7 +27,7 @@ TOLD = 0.05
 
 @dataclass(frozen=True, eq=False)
 class Smoothed:
-    """A model whose signs of velocity turn as the logs ask for, and its held-out error over all joints' rows.
+    """A model whose directions of friction turn as the logs ask for, and its held-out error over all joints' rows.
 
     The error is the sum over joints of the logarithm of its mean square.
     """
@@ -36,7 +38,7 @@ class Smoothed:
 
 
 def smoothed(model: CurrentModel, sources: Sequence[LogSource], rests: Rests) -> Smoothed:
-    """Let a model's signs of velocity turn over the speeds that predict logs best; nothing else is fitted again.
+    """Let a model's directions turn as predicts logs best; nothing else is fitted again.
 
     Args:
         model: the model.
@@ -45,38 +47,39 @@ def smoothed(model: CurrentModel, sources: Sequence[LogSource], rests: Rests) ->
     """
     panel = panel_of(model, sources)
     counts = panel.gather(rests.counts)
-    # What follows turns does not even tell how the sign turns of a joint that yields there.
-    telling = counts | ~rests.yields
-    found = [_smoothing(model, panel, counts[:, j], telling[:, j], j) for j in range(model.n)]
-    smoothing = [width for width, _ in found]
-    terms = tuple(
-        replace(term, effect=replace(term.effect, smoothing=smoothing[term.effect.at]))
-        if isinstance(term.effect, VelocityEffect)
-        else term
-        for term in model.terms
-    )
+    found = [_turning(model, panel, counts[:, j], j) for j in range(model.n)]
+    frictions = [friction for friction, _ in found]
+    terms = tuple(replace(term, effect=_turned(term.effect, frictions)) for term in model.terms)
     return Smoothed(replace(model, terms=terms), float(np.sum(np.log([error for _, error in found]))), len(panel))
 
 
-def _smoothing(
-    model: CurrentModel, panel: Panel, counts: BoolArray, telling: BoolArray, joint: int
-) -> tuple[float, float]:
-    """The smoothing that predicts best, fitted to the rows that count, and their held-out error with it.
+def _turned(effect: Effect, frictions: Sequence[Coulomb | None]) -> Effect:
+    """An effect with the direction of its joint's dry friction."""
+    friction = frictions[effect.at] if isinstance(effect, VelocityEffect) else None
+    return effect.turned_as(friction) if isinstance(effect, VelocityEffect) and friction is not None else effect
 
-    Of those between which these rows do not decide, the one that predicts all telling ones best: rests that do not
-    count still tell how well the sign is predicted as the joint creeps, but what is held there is no friction.
+
+def _turning(model: CurrentModel, panel: Panel, counts: BoolArray, joint: int) -> tuple[Coulomb | None, float]:
+    """The dry friction that predicts best, fitted to the rows that count, and their held-out error with it.
+
+    Of those between which these rows do not decide, the one that predicts all best: rests that do not count still
+    tell how well the sign is predicted as the joint creeps, but what is held there is no friction.
     """
-    own = [t for t in model.terms if t.effect.acts_on in (None, joint)]
-    friction = next((t.effect for t in own if isinstance(t.effect, Coulomb)), None)
-    others = [panel.columns(t.effect, t.shape, joint) for t in own if not isinstance(t.effect, Coulomb)]
-    rows = JointGap(joint, np.hstack(others), panel.force[:, joint], counts, ())
-    tried = [(float(SMOOTHINGS[0]), rows)]
-    if friction is not None:
-        laws = [(width, replace(friction, smoothing=width)) for width in SMOOTHINGS.tolist()]
-        columns = [(width, panel.columns(law, np.zeros(0), joint)) for width, law in laws]
-        tried = [(width, replace(rows, matrix=np.hstack([rows.matrix, c]))) for width, c in columns]
+    dry = DryFriction.of(model, panel, joint)
+    if dry is None:
+        own = [t for t in model.terms if t.effect.acts_on in (None, joint)]
+        columns = [panel.columns(t.effect, t.shape, joint) for t in own]
+        tried: list[tuple[Coulomb | None, JointGap]] = [
+            (None, JointGap(joint, np.hstack(columns), panel.force[:, joint], counts, ()))
+        ]
+    elif dry.law.presliding > 0.0:
+        law = dry.built_up(counts)
+        tried = [(law, dry.rows(law, counts))]
+    else:
+        laws = [replace(dry.law, smoothing=width) for width in SMOOTHINGS.tolist()]
+        tried = [(law, dry.rows(law, counts)) for law in laws]
     problems = [one.problem(panel) for _, one in tried]
     moving = np.array([float(problem.residual @ problem.residual) for problem in problems])
     likely = np.flatnonzero(moving <= (1.0 + TOLD) * moving.min()).tolist()
-    best = min(likely, key=lambda k: float(np.sum(tried[k][1].everywhere(panel)[telling] ** 2)))
+    best = min(likely, key=lambda k: float(np.sum(tried[k][1].everywhere(panel) ** 2)))
     return tried[best][0], max(problems[best].errors().total / len(problems[best]), 1e-300)

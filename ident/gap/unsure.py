@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 from scipy.ndimage import maximum_filter1d, uniform_filter1d
 
@@ -10,9 +12,9 @@ from ident.effects.base import Survey
 from ident.effects.friction import Coulomb
 from ident.gap.counts import encoder_counts
 from ident.gap.panel import Panel
-from ident.gap.sensor_noise import removed_square, velocities_used
+from ident.gap.sensor_noise import around_square, removed_square, velocities_used
 from ident.model import CurrentModel
-from ident.signals import derivative_noise, derive
+from ident.signals import Motion, derivative_noise, derive
 from ident.walk import Block
 
 TURNED = 3.0
@@ -60,31 +62,57 @@ def turning(panel: Panel, survey: Survey) -> BoolArray:
 
 
 def shaken(model: CurrentModel, panel: Panel, survey: Survey) -> FloatArray:
-    """Error (N, n) that the velocity's noise makes of dry friction where its sign turns, by standard deviation."""
-    return panel.gather(lambda block: velocity_noise(model, block)) * _steepness(model, survey)
+    """Error (N, n) that noise of the velocity makes of dry friction where its sign turns, by standard deviation.
+
+    Of friction that builds up over a displacement instead, noise of the position.
+    """
+    return _bent(model, panel, survey, lambda b: velocity_noise(model, b), lambda b: position_noise(model, b))
 
 
 def mistimed(model: CurrentModel, panel: Panel, survey: Survey) -> FloatArray:
     """The same (N, n) with what the filter smears: where a joint starts at once it seems to start before."""
-    smeared = panel.gather(lambda block: smear(model, block)) * _steepness(model, survey)
-    return np.where(turning(panel, survey), np.hypot(shaken(model, panel, survey), smeared), 0.0)
+    again = {id(block): _filtered_again(model, block) for block in panel.blocks}
+
+    def smeared(block: Block, which: str) -> FloatArray:
+        return smear(model, block, getattr(block.motion, which) - getattr(again[id(block)], which))
+
+    bent = _bent(model, panel, survey, lambda b: smeared(b, "dq"), lambda b: smeared(b, "q"))
+    return np.where(turning(panel, survey), np.hypot(shaken(model, panel, survey), bent), 0.0)
 
 
-def _steepness(model: CurrentModel, survey: Survey) -> FloatArray:
-    """Change (n,) of each joint's dry friction with its speed where its sign turns."""
-    dry = np.zeros(model.n)
+def _bent(
+    model: CurrentModel,
+    panel: Panel,
+    survey: Survey,
+    of_velocity: Callable[[Block], FloatArray],
+    of_position: Callable[[Block], FloatArray],
+) -> FloatArray:
+    """What errors (N, n) of the velocity, or of the position where it decides, make of dry friction as it turns."""
+    dry, by_place = np.zeros(model.n), survey.presliding > 0.0
     for term in model.terms:
         if isinstance(term.effect, Coulomb):
             dry[term.effect.at] = abs(float(term.coefficients[0]))
-    return dry / survey.smoothing
+    turned = panel.gather(of_velocity) / survey.smoothing
+    if by_place.any():
+        turned[:, by_place] = panel.gather(of_position)[:, by_place] / survey.presliding[by_place]
+    return dry * turned
 
 
-def smear(model: CurrentModel, block: Block) -> FloatArray:
-    """About what the filter takes of the velocities (N, n), RMS over a period: what it takes of them once more."""
-    again = derive(block.log.replace(q=block.motion.q, dq=None, ddq=None), model.cutoff).dq
+def _filtered_again(model: CurrentModel, block: Block) -> Motion:
+    return derive(block.log.replace(q=block.motion.q, dq=None, ddq=None), model.cutoff)
+
+
+def smear(model: CurrentModel, block: Block, taken: FloatArray) -> FloatArray:
+    """About what the filter takes of a signal (N, n), RMS over a period, by what it takes (N, n) of it once more."""
     period = max(1, round(block.log.rate / model.cutoff))
-    square = uniform_filter1d(np.nan_to_num(block.motion.dq - again) ** 2, period, axis=0, mode="nearest")
+    square = uniform_filter1d(np.nan_to_num(taken) ** 2, period, axis=0, mode="nearest")
     return np.asarray(np.sqrt(np.maximum(square, 0.0)))
+
+
+def position_noise(model: CurrentModel, block: Block) -> FloatArray:
+    """Standard deviation (N, n) of the noise that the filter leaves in the positions, taken for white."""
+    share = min(2.0 * model.cutoff / block.log.rate, 0.9)
+    return np.asarray(np.sqrt(around_square(block, block.removed) * share / (1.0 - share)))
 
 
 def velocity_noise(model: CurrentModel, block: Block) -> FloatArray:

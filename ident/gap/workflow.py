@@ -199,7 +199,7 @@ class _Workflow:
     def leave_out(self, joints: Sequence[int]) -> bool:
         """Look without the rests of these joints, too; whether that is any other."""
         rests: Rests = self.rests.also(joints)
-        more = rests.sticking != self.rests.sticking
+        more = rests.joints != self.rests.joints
         if more:
             self.rests = rests
             self.see()
@@ -308,7 +308,7 @@ class _Workflow:
         found = (gap_of if self.refit else held_of)(self.model, panel, joint)
         if joint not in self.rests.joints:
             return found
-        left = found.moving(panel, ~panel.gather(self.rests.counts)[:, joint], bool(self.rests.sticks[joint]))
+        left = found.moving(panel, ~panel.gather(self.rests.counts)[:, joint])
         return with_slight_edge(panel, left, self.model.terms)
 
     def touches(self, gaps: Sequence[JointGap], named: Sequence[Sequence[Named]]) -> Touches | None:
@@ -364,8 +364,7 @@ class _Workflow:
         self.tell("settling names", 1.0)
         return GapReport(
             self.start, model, tuple(findings), tuple(nameless), tuple(missing), maps[0], maps[1],
-            self.panel, self.survey, (before, after), causes.p_values, shown, self.rests.sticking,
-            self.rests.yielding, self.warnings(),
+            self.panel, self.survey, (before, after), causes.p_values, shown, self.rests.joints, self.warnings(),
         )  # fmt: skip
 
     def found_first(self) -> tuple[list[Finding], list[CurrentModel]]:

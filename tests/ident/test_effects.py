@@ -276,16 +276,17 @@ def test_a_subclass_with_a_name_enters_the_catalogue():
 
 
 def test_a_power_of_speed_is_tried_on_either_side_of_viscous_friction():
-    survey = SimpleNamespace(smoothing=np.full(6, 2e-3))
+    survey = SimpleNamespace(smoothing=np.full(6, 2e-3), presliding=np.zeros(6))
     ranges = [form.shapes[0] for form in ViscousNonlinear.candidates(survey, 1)]
     assert [(s.lower, s.upper, s.starts) for s in ranges] == [(0.1, 0.9, (0.5, 0.2)), (1.1, 4.0, (2.0, 3.0))]
 
 
 @pytest.mark.parametrize(("reach", "fewest"), [(1.5, 1.05), (6.0, 0.3), (0.01, 6.0)])
 def test_friction_swings_a_quarter_and_more_over_the_angles_seen(reach, fewest):
-    survey = SimpleNamespace(smoothing=np.full(6, 2e-3), reach=np.full(6, reach))
+    survey = SimpleNamespace(smoothing=np.full(6, 2e-3), presliding=np.full(6, 1e-4), reach=np.full(6, reach))
     one, two = PositionFriction.candidates(survey, 1)
     assert (one.harmonics, two.harmonics) == (1, 2)
+    assert (one.smoothing, one.presliding) == (2e-3, 1e-4)
     for (swings,) in (one.shapes, two.shapes):
         assert swings.lower == pytest.approx(fewest, abs=0.01)
         assert all(swings.lower < start < swings.upper for start in swings.starts)

@@ -10,7 +10,7 @@ import pytest
 from ident.effects import load_catalogue
 from ident.effects.base import Coefficient, Effect, Term
 from ident.effects.electrical import DriveGain
-from ident.effects.friction import Coulomb, LoadFriction, Viscous
+from ident.effects.friction import Coulomb, DirectedEffect, LoadFriction, Viscous
 from ident.effects.hysteresis import MaxwellSlip
 from ident.effects.rigid_body import Links
 from ident.log import JointLog
@@ -119,6 +119,18 @@ def test_the_loop_gives_the_columns(vs060, name, seed):
     np.testing.assert_allclose(ours.flat, theirs.flat, rtol=1e-12, atol=1e-12)
 
 
+@pytest.mark.parametrize("kind", [k for k in ENCODED if issubclass(k, DirectedEffect)], ids=lambda kind: kind.name)
+def test_directions_that_build_up_give_the_columns(vs060, kind):
+    rng = np.random.default_rng(3)
+    model = model_of(vs060, *(term(kind(j, presliding=length), rng, vs060) for j, length in ((4, 3e-4), (0, 2e-3))))
+    assert model.one_sample.encoded == (False, True, True)
+    motion = wander(rng)
+    ours, theirs = model.start(), model.start()
+    expected, found = by_columns(model, motion, theirs), by_samples(model, motion, ours)
+    np.testing.assert_allclose(found, expected, rtol=1e-9, atol=1e-12)
+    np.testing.assert_allclose(ours.flat, theirs.flat, rtol=1e-12, atol=1e-12)
+
+
 def test_a_searched_power_is_encoded_and_a_second_harmonic_left_to_its_columns(vs060):
     rng = np.random.default_rng(7)
     kinds = CATALOGUE["stribeck"], CATALOGUE["gear-ripple"]
@@ -132,11 +144,12 @@ def test_a_searched_power_is_encoded_and_a_second_harmonic_left_to_its_columns(v
 
 def test_memory_goes_on_between_samples_and_blocks(vs060):
     rng = np.random.default_rng(5)
-    slips = [
+    terms = [
         Term(MaxwellSlip(j, spread), np.array([2e-3]), rng.uniform(size=len(spread)))
         for j, spread in ((1, (0.25, 1.0, 4.0)), (3, (1.0,)), (1, (0.5, 2.0)))
     ]
-    model, motion = model_of(vs060, *slips), wander(rng, 900)
+    terms += [term(kind(2, presliding=1e-3), rng, vs060) for kind in (Coulomb, CATALOGUE["thermal-friction"])]
+    model, motion = model_of(vs060, *terms), wander(rng, 900)
     whole = model.friction(motion)
     memories = model.start()
     parts = [slice(0, 1), slice(1, 300), *(slice(k, k + 1) for k in range(300, 600)), slice(600, 900)]
