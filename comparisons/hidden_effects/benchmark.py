@@ -23,7 +23,7 @@ from comparisons.cli import run_alone
 from comparisons.cluster import workers
 from comparisons.hidden_effects.benchmark_page import page, plots, results
 from comparisons.hidden_effects.measured import FOLDER, MeasuredTask, measured_tasks
-from comparisons.hidden_effects.styles import STYLES
+from comparisons.hidden_effects.styles import SET, STYLES
 from comparisons.hidden_effects.suites import KINDS, SUITES, Sizes, Suite, Task, shuffled, tasks
 from comparisons.hidden_effects.work import METHODS, whole, work
 from comparisons.output import to_json
@@ -65,7 +65,7 @@ def benchmark(
         nothing: cases in which nothing is hidden.
         robots: vs060, ur10, panda, xarm7.
         styles: how they are moved and logged, taken in turn: usual, 500Hz, 50Hz, fourier, sinusoid, short,
-            stop-and-go, noisy, sticks; all for every one of them but the last.
+            stop-and-go, noisy, sticks, yields; all for every one of them but the last two.
         only: sets of cases (single, changed, pair, triple, nothing, foreign, tie, measured) or names of effects.
         methods: who is asked.
         measured: folder of measured logs for half measured cases; default: the environment's SENSORLESS_MEASURED.
@@ -85,7 +85,7 @@ def benchmark(
         usual.mixtures if mixtures is None else mixtures,
         usual.nothing if nothing is None else nothing,
         robots or usual.robots,
-        tuple(name for name, style in STYLES.items() if not style.holds) if "all" in styles else styles or usual.styles,
+        SET if "all" in styles else styles or usual.styles,
     )
     folder = measured or (Path(os.environ[FOLDER]) if FOLDER in os.environ else None)
     listed = _chosen([*tasks(sizes, seed), *measured_tasks(folder, seed)], only)

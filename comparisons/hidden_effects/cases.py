@@ -22,6 +22,7 @@ from comparisons.hidden_effects.styles import POOR, STYLES, reference
 from comparisons.virtual_robot.figures import usual_torque
 from comparisons.virtual_robot.load import perturbed
 from ident.arrays import FloatArray
+from ident.compiled import compiled
 from ident.log import JointLog
 from ident.robot import Robot, load_robot
 from ident.signals import zero_phase
@@ -241,14 +242,23 @@ class Maker:
         """What laws see of a log of those paths, one after the other."""
         q, dq, ddq, t, start = _motion(paths, rate or self.style.rate)
         torque = self.robot.rigid_body.inverse_dynamics(q, dq, ddq, self.parameters)
-        dry = sign(dq)
+        dry = direction = self.direction(q, dq, start)
         if self.style.holds:
             # The same motion finds the same levels, whatever is hidden in it.
             dry = held(dry, dq, np.random.default_rng([self.seed, len(q), int(1e6 * np.abs(q[0]).sum())]))
         known = torque + self.rotor * ddq + self.coulomb * dry + self.viscous * dq + self.offset
         return Scene(
-            t, q, dq, ddq, torque, known, start, self.coulomb, self.viscous, self.robot.rigid_body, self.parameters
-        )
+            t, q, dq, ddq, torque, known, start, direction,
+            self.coulomb, self.viscous, self.robot.rigid_body, self.parameters,
+        )  # fmt: skip
+
+    def direction(self, q: FloatArray, dq: FloatArray, start: FloatArray) -> FloatArray:
+        """Direction (N, n) of dry friction."""
+        if self.style.yields is None:
+            return sign(dq)
+        shortest, longest = np.log(self.style.yields)
+        lengths = np.exp(np.random.default_rng([self.seed, 7]).uniform(shortest, longest, q.shape[1]))
+        return np.stack([built_up(q[:, j] / length, start) for j, length in enumerate(lengths)], axis=1)
 
     def paths(self, number: int) -> list[FloatArray]:
         """Commanded positions (N, n) of the pieces of the log of that number."""
@@ -273,6 +283,25 @@ class Maker:
         t = s.t + np.clip(style.jitter * rng.standard_normal(len(s.t)), -0.4, 0.4) / style.rate
         segment = np.cumsum(s.start).astype(np.int64) - 1
         return JointLog(t=t, q=seen, current=current, dq=speed, segment=segment, name=f"log_{number}")
+
+
+@compiled
+def built_up(x: FloatArray, start: FloatArray) -> FloatArray:
+    """Direction (N,) of friction that yields (Bouc 1967, Wen 1976), over positions (N,) in units of its displacement.
+
+    It builds up by dz/dx = 1 - z^2, and goes back along a straight line.
+    """
+    out, z = np.zeros(len(x)), 0.0
+    for k in range(len(x)):
+        if k == 0 or start[k] > 0.0:
+            z = 0.0
+            continue
+        steps = max(1, int(np.ceil(abs(x[k] - x[k - 1]) / 0.02)))
+        step = (x[k] - x[k - 1]) / steps
+        for _ in range(min(steps, 500)):  # ten displacements on, it slips
+            z += step * (1.0 - z * z if z * step > 0.0 else 1.0)
+        out[k] = z
+    return out
 
 
 def held(dry: FloatArray, dq: FloatArray, rng: np.random.Generator) -> FloatArray:

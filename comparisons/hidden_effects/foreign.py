@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from comparisons.hidden_effects.laws import Scene, law, on, sign
+from comparisons.hidden_effects.laws import Scene, law, on
 from ident.arrays import FloatArray
 
 Found = tuple[FloatArray, dict[str, float]]
@@ -20,13 +20,13 @@ def _(s: Scene, j: int, a: float, rng: np.random.Generator) -> Found:
 def _(s: Scene, j: int, a: float, rng: np.random.Generator) -> Found:
     """Friction that depends on where another joint stands: a bearing that the arm's pose bends."""
     other = (j + 1) % s.q.shape[1]
-    return on(s, j, a * sign(s.dq[:, j]) * np.sin(2.0 * s.q[:, other])), {}
+    return on(s, j, a * s.direction[:, j] * np.sin(2.0 * s.q[:, other])), {}
 
 
 @law("friction-step", foreign=True)
 def _(s: Scene, j: int, a: float, rng: np.random.Generator) -> Found:
     """A seal that comes off: friction jumps at one moment of each log."""
-    return on(s, j, a * sign(s.dq[:, j]) * (s.t > 0.6 * s.t[-1])), {}
+    return on(s, j, a * s.direction[:, j] * (s.t > 0.6 * s.t[-1])), {}
 
 
 @law("creep", foreign=True)

@@ -18,8 +18,9 @@ from ident.rigid_body import RigidBody
 class Scene(NamedTuple):
     """What a law sees of one log: stamps (N,), motion (N, n), what links and all known effects need [force], segment.
 
-    ``coulomb`` and ``viscous`` (n,) are the robot's own, ``body`` and ``parameters`` its true links, ``torque`` the
-    links' part of ``known``, ``reach`` (n,) the joints' range.
+    ``direction`` (N, n) is that of dry friction, from -1 to 1, as long as nothing holds it. ``coulomb`` and
+    ``viscous`` (n,) are the robot's own, ``body`` and ``parameters`` its true links, ``torque`` the links' part of
+    ``known``.
     """
 
     t: FloatArray
@@ -29,6 +30,7 @@ class Scene(NamedTuple):
     torque: FloatArray
     known: FloatArray
     start: FloatArray
+    direction: FloatArray
     coulomb: FloatArray
     viscous: FloatArray
     body: RigidBody
@@ -108,7 +110,7 @@ def _(s: Scene, j: int, a: float, rng: np.random.Generator) -> tuple[FloatArray,
     speed = rng.uniform(0.025, 0.05)
     v = s.dq[:, j]
     # Hess and Soom's curve (1990) instead of an exponential; at this speed 1/e of it is left.
-    return on(s, j, a * sign(v) / (1.0 + (np.e - 1.0) * (v / speed) ** 2)), {"force": a, "speed": speed}
+    return on(s, j, a * s.direction[:, j] / (1.0 + (np.e - 1.0) * (v / speed) ** 2)), {"force": a, "speed": speed}
 
 
 @law("sigmoid")
@@ -128,26 +130,26 @@ def _(s: Scene, j: int, a: float, rng: np.random.Generator) -> tuple[FloatArray,
 
 @law("coulomb-asymmetry")
 def _(s: Scene, j: int, a: float, rng: np.random.Generator) -> tuple[FloatArray, dict[str, float]]:
-    return on(s, j, a * np.abs(sign(s.dq[:, j]))), {"force": a}
+    return on(s, j, a * np.abs(s.direction[:, j])), {"force": a}
 
 
 @law("load-friction")
 def _(s: Scene, j: int, a: float, rng: np.random.Generator) -> tuple[FloatArray, dict[str, float]]:
     load = np.sqrt(s.torque[:, j] ** 2 + (0.02 * np.abs(s.torque[:, j]).max()) ** 2)
-    return on(s, j, a * sign(s.dq[:, j]) * load), {"force": a}
+    return on(s, j, a * s.direction[:, j] * load), {"force": a}
 
 
 @law("position-friction")
 def _(s: Scene, j: int, a: float, rng: np.random.Generator) -> tuple[FloatArray, dict[str, float]]:
     turns, phase = rng.choice([1.0, 2.0, 3.0]), rng.uniform(-3, 3)
     wave = np.cos(turns * s.q[:, j] + phase)
-    return on(s, j, a * sign(s.dq[:, j]) * (wave + 0.15 * wave**2)), {"force": a}
+    return on(s, j, a * s.direction[:, j] * (wave + 0.15 * wave**2)), {"force": a}
 
 
 @law("thermal-friction")
 def _(s: Scene, j: int, a: float, rng: np.random.Generator) -> tuple[FloatArray, dict[str, float]]:
     seconds = rng.uniform(30.0, 90.0)
-    own = s.coulomb[j] * sign(s.dq[:, j]) + s.viscous[j] * s.dq[:, j]
+    own = s.coulomb[j] * s.direction[:, j] + s.viscous[j] * s.dq[:, j]
     power = np.abs(own * s.dq[:, j])
     dt = np.diff(s.t, prepend=s.t[0])
     heat = np.zeros(len(s.t))

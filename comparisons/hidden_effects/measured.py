@@ -18,7 +18,7 @@ from tempfile import mkdtemp
 import numpy as np
 
 from comparisons.hidden_effects.answer import Secret, Truth
-from comparisons.hidden_effects.laws import LAWS, Scene
+from comparisons.hidden_effects.laws import LAWS, Scene, sign
 from comparisons.hidden_effects.severity import unabsorbed
 from ident.arrays import FloatArray
 from ident.effects.friction import Coulomb, Viscous
@@ -166,7 +166,7 @@ def _scene(model: CurrentModel, log: JointLog) -> Scene:
     start = (np.diff(log.segment, prepend=log.segment[0] - 1) != 0).astype(float)
     body, links = model.robot.rigid_body, model.link_parameters
     load = model.load(motion)
-    return Scene(log.t, motion.q, motion.dq, motion.ddq, load, known, start, dry, damping, body, links)
+    return Scene(log.t, motion.q, motion.dq, motion.ddq, load, known, start, sign(motion.dq), dry, damping, body, links)
 
 
 def _residual(model: CurrentModel, log: JointLog) -> FloatArray:

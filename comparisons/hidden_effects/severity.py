@@ -25,7 +25,7 @@ def unabsorbed(scenes: Sequence[Scene], forces: Sequence[FloatArray], joint: int
         links = s.body.regressor(s.q, s.dq, s.ddq)[:, joint, s.body.base_parameters(joint).columns]
         v = s.dq[:, joint]
         # The baseline chooses over which speed its sign of velocity turns.
-        own = [sign(v), sign(v, float(SMOOTHINGS[-1])), v, s.ddq[:, joint], np.ones(len(s.t))]
+        own = [s.direction[:, joint], sign(v, float(SMOOTHINGS[-1])), v, s.ddq[:, joint], np.ones(len(s.t))]
         rows.append(np.column_stack([links, *own]))
     matrix = np.vstack(rows)
     matrix /= np.maximum(np.linalg.norm(matrix, axis=0), 1e-300)

@@ -22,6 +22,7 @@ class Style:
         velocity_noise: that of logged velocities [rad/s]; None logs none.
         jitter: standard deviation of the time stamps, as a share of the sampling period.
         holds: whether dry friction holds any current while a joint stands, as it does under a position loop.
+        yields: displacement [rad] over which dry friction builds up as a joint turns round, the shortest and longest.
     """
 
     pieces: tuple[tuple[str, float], ...] = (("fourier", 40.0), ("slow", 25.0), ("stop_and_go", 25.0))
@@ -30,6 +31,7 @@ class Style:
     velocity_noise: float | None = None
     jitter: float = 0.0
     holds: bool = False
+    yields: tuple[float, float] | None = None
 
 
 STYLES = {
@@ -42,8 +44,14 @@ STYLES = {
     "stop-and-go": Style((("stop_and_go", 90.0),), rate=125.0),
     "noisy": Style(rate=200.0, position_noise=5e-5, velocity_noise=5e-3),
     "sticks": Style((("stop_and_go", 45.0), ("fourier", 30.0)), rate=125.0, holds=True),
+    "yields": Style(
+        (("fourier", 40.0), ("slow", 20.0), ("stop_and_go", 20.0)), position_noise=3e-6, yields=(4e-5, 3e-4)
+    ),
 }
 """What others' logs are like."""
+
+SET = tuple(name for name, style in STYLES.items() if not style.holds and style.yields is None)
+"""Those of which dry friction does what a sign of velocity says."""
 
 POOR = {
     "creep": Style((("slow", 60.0),)),
