@@ -11,7 +11,7 @@ from scipy.optimize import minimize_scalar
 from ident.arrays import BoolArray, FloatArray
 from ident.effects.base import Survey
 from ident.effects.friction import Coulomb, DirectedEffect, Stribeck
-from ident.gap.candidates import refine
+from ident.gap.candidates import best_start, forms, refine
 from ident.gap.joint_gap import JointGap
 from ident.gap.panel import Panel
 from ident.gap.rests import (
@@ -36,6 +36,9 @@ from ident.model import CurrentModel
 DISPLACEMENTS, FINE = np.geomspace(1e-5, 4e-4, 7), 0.02
 """Displacements [rad or m] over which friction may build up; beyond, it is an effect of its own (maxwell-slip).
 The best is found to this share."""
+
+SHORTEST = 1.2e-5
+"""The shortest of them looks for a sign that turns at once."""
 
 CREEPS = (0.02, 0.06, 0.2)
 """Speeds [rad/s or m/s] below which dry friction may be more while that is chosen."""
@@ -111,8 +114,11 @@ def yielding(model: CurrentModel, panel: Panel, survey: Survey, rests: Rests) ->
     turned = panel.gather(lambda block: hardly_moved(block, np.full(model.n, SLIP)))
     noise = np.where(turning(panel, survey), np.minimum(shaken(model, panel, survey), survey.holds), 0.0)
     rows = np.where(rests.sticks, ~panel.gather(rests.counts), turned)
-    asked = rests.sticks | _err_after_turns(panel, survey, gaps, turned, noise)
-    lengths = {j: _length(model, panel, gaps[j], rows[:, j]) for j in np.flatnonzero(asked).tolist()}
+    asked = np.flatnonzero(rests.sticks | _err_after_turns(panel, survey, gaps, turned, noise)).tolist()
+    lengths = {j: _length(model, panel, gaps[j], rows[:, j], _late(panel, survey, gaps[j])) for j in asked}
+    if sum(length > 0.0 for length in lengths.values()) >= TOGETHER[0] * len(asked):
+        # A lag that a joint alone seems to have is the same.
+        lengths = {j: length or _length(model, panel, gaps[j], rows[:, j]) for j, length in lengths.items()}
     return with_presliding(model, {j: length for j, length in lengths.items() if length > 0.0})
 
 
@@ -129,14 +135,37 @@ def with_presliding(model: CurrentModel, lengths: dict[int, float]) -> CurrentMo
     return replace(model, terms=terms)
 
 
-def _length(model: CurrentModel, panel: Panel, gap: JointGap, rows: BoolArray) -> float:
-    """The displacement that predicts all rows best; nought if it leaves too much of some of them."""
-    tried = DryFriction.of(model, panel, gap.joint)
-    if tried is None:
+def _length(model: CurrentModel, panel: Panel, gap: JointGap, rows: BoolArray, late: FloatArray | None = None) -> float:
+    """The displacement that predicts rows held out best; nought if it leaves too much of some of them.
+
+    Args:
+        model: a plain model.
+        panel: rows of logs under it.
+        gap: the joint's rows.
+        rows: those (N,) that must be told.
+        late: columns (N, k) of a current that comes late, which looks like that, too.
+    """
+    friction = DryFriction.of(model, panel, gap.joint)
+    if friction is None:
         return 0.0
-    best = tried.built_up(gap.keep)
-    before, after = (np.mean(tried.rows(law, gap.keep).everywhere(panel)[rows] ** 2) for law in (tried.law, best))
-    return best.presliding if after < MOST * before else 0.0
+    if late is not None:
+        friction = replace(friction, others=np.hstack([friction.others, late]))
+    best = friction.built_up(gap.keep)
+    left = [friction.rows(law, gap.keep).everywhere(panel)[rows] for law in (friction.law, best)]
+    before, after = (float(np.mean(x**2)) for x in left)
+    return best.presliding if after < MOST * before and best.presliding > SHORTEST else 0.0
+
+
+def _late(panel: Panel, survey: Survey, gap: JointGap) -> FloatArray:
+    """Columns (N, k) of the law by which a joint's current comes late, as it explains most."""
+    problem = gap.problem(panel)
+    laws = [effect for effect in forms(survey, gap.joint, gap.present) if effect.family == "timing"]
+    starts = [best_start(panel, problem, law, gap.joint) for law in laws]
+    if not starts:
+        return np.zeros((len(panel), 0))
+    found = [refine(panel, problem, start, gap.joint) for start in starts]
+    best = max(found, key=lambda one: one.drop)
+    return panel.columns(best.effect, best.shape, gap.joint)
 
 
 def _err_after_turns(
