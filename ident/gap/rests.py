@@ -42,6 +42,9 @@ MOSTLY = 0.5
 STICKS = 9.0
 """A joint sticks if its mean square is this many times larger in rests than in motion, that motion being fitted."""
 
+BESIDE = 2.0
+"""So many times will do for one whose friction builds up over a displacement: that should have told its rests."""
+
 SHAKEN = 2.0
 """And larger by this many times what noise of the velocity makes of its dry friction there."""
 
@@ -146,7 +149,7 @@ def rests_of(model: CurrentModel, panel: Panel, survey: Survey) -> Rests:
     def sticking(gap: JointGap, times: float) -> bool:
         return bool(may[gap.joint]) and _sticks(panel, survey, gap, rests[:, gap.joint], noise[:, gap.joint], times)
 
-    sticks = [sticking(gap, STICKS) for gap in gaps]
+    sticks = [sticking(gap, BESIDE if survey.presliding[gap.joint] > 0.0 else STICKS) for gap in gaps]
     if np.mean(sticks) >= TOGETHER[0]:
         sticks = [one or sticking(gap, TOGETHER[1]) for one, gap in zip(sticks, gaps, strict=True)]
     everyone = np.sum(sticks) >= ALL * may.sum()

@@ -73,7 +73,8 @@ def _turning(model: CurrentModel, panel: Panel, counts: BoolArray, joint: int) -
             (None, JointGap(joint, np.hstack(columns), panel.force[:, joint], counts, ()))
         ]
     elif dry.law.presliding > 0.0:
-        law = dry.built_up(counts)
+        # What a joint holds at rest tells best over which displacement its friction builds up.
+        law = dry.built_up(np.ones(len(panel), dtype=bool))
         tried = [(law, dry.rows(law, counts))]
     else:
         laws = [replace(dry.law, smoothing=width) for width in SMOOTHINGS.tolist()]
