@@ -10,6 +10,7 @@ import numpy as np
 
 from ident.arrays import FloatArray
 from ident.effects.base import Coefficient, Context, Effect, Shape, Term
+from ident.effects.friction import DirectedEffect
 from ident.effects.rigid_body import Links, RotorInertia
 from ident.log import JointLog, LogSource, PositionsOnly, Sample
 from ident.online_friction import Memories, OneSample
@@ -82,6 +83,16 @@ class CurrentModel:
             if isinstance(term.effect, RotorInertia):
                 inertia[term.effect.joint] += term.coefficients[0]
         return inertia
+
+    @cached_property
+    def presliding(self) -> tuple[FloatArray, FloatArray]:
+        """Displacements (n,) over which dry friction builds up as joints turn [rad or m], or nought, and exponents."""
+        displacement, exponent = np.zeros(self.n), np.ones(self.n)
+        for term in self.terms:
+            if isinstance(term.effect, DirectedEffect):
+                displacement[term.effect.at] = term.effect.presliding
+                exponent[term.effect.at] = term.effect.presliding_exponent
+        return displacement, exponent
 
     def load(self, motion: Motion) -> FloatArray:
         """Force (N, n) that the links need for a motion."""

@@ -19,11 +19,13 @@ from ident.effects.electrical import CurrentOffset
 from ident.effects.friction import (
     Coulomb,
     CoulombAsymmetry,
+    DirectedEffect,
     LoadFriction,
     Sigmoid,
     Stribeck,
     Viscous,
     ViscousNonlinear,
+    built_up,
 )
 from ident.effects.hysteresis import MaxwellSlip
 from ident.effects.rigid_body import CableSpring, Links, RotorInertia
@@ -148,15 +150,18 @@ def _entry(term: Term) -> list[int]:
 def _values(term: Term) -> FloatArray:
     """Width, power, shapes, coefficients of a term; of Maxwell slip the elements' displacements and forces.
 
-    The width is the speed over which a direction turns or, of one that remembers, the displacement.
+    The width is the speed over which a direction turns; of one that remembers it is the displacement, with its
+    exponent before.
     """
     effect = term.effect
     if isinstance(effect, MaxwellSlip):
         return np.concatenate([term.shape[0] * np.array(effect.spread), term.coefficients])
-    width = getattr(effect, "presliding", 0.0) or getattr(effect, "smoothing", 0.0)
+    first = [getattr(effect, "smoothing", 0.0)]
+    if isinstance(effect, DirectedEffect) and effect.presliding > 0.0:
+        first = [effect.presliding_exponent, effect.presliding]
     if isinstance(effect, Stribeck):
-        return np.concatenate([[width, effect.exponent(term.shape)], term.shape[:1], term.coefficients])
-    return np.concatenate([[width], term.shape, term.coefficients])
+        return np.concatenate([first, [effect.exponent(term.shape)], term.shape[:1], term.coefficients])
+    return np.concatenate([first, term.shape, term.coefficients])
 
 
 @compiled
@@ -186,9 +191,12 @@ def add_terms(
             force[j] += _plain(kind, values[v:], q[j], dq[j], ddq[j])
         elif kind == _SIGMOID:
             force[j] += _sigmoid(values[v:], dq[j])
+        elif length:
+            memory[m + 1] = built_up(memory[m + 1], q[j] - memory[m], values[v + 1], values[v])
+            memory[m] = q[j]
+            force[j] += _directed(kind, values[v + 1 :], dq[j], memory[m + 1], load[j])
         else:
-            direction = _built_up(q[j], values[v], memory[m:]) if length else math.tanh(dq[j] / values[v])
-            force[j] += _directed(kind, values[v:], dq[j], direction, load[j])
+            force[j] += _directed(kind, values[v:], dq[j], math.tanh(dq[j] / values[v]), load[j])
 
 
 @compiled
@@ -219,18 +227,6 @@ def _directed(kind: int, p: FloatArray, dq: float, direction: float, load: float
     elif kind == _NONLINEAR:
         force = p[2] * direction * (abs(dq) + 1e-9) ** p[1]
     return force
-
-
-@compiled
-def _built_up(q: float, displacement: float, memory: FloatArray) -> float:
-    """Direction that builds up over a displacement; ``memory`` holds the last position and direction."""
-    step = q - memory[0]
-    if abs(step) > 0.0:  # not where the last is not known
-        sign = 1.0 if step > 0.0 else -1.0
-        memory[1] = sign + (memory[1] - sign) * math.exp(-abs(step) / displacement)
-    memory[0] = q
-    direction: float = memory[1]
-    return direction
 
 
 @compiled

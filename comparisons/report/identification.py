@@ -10,7 +10,7 @@ import numpy as np
 from comparisons.report import style
 from comparisons.report.provenance import Provenance
 from comparisons.report.report import Report
-from comparisons.report.rests import sticking
+from comparisons.report.rests import sticking, yielding
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -79,6 +79,8 @@ def _errors(report: Report, found: Identification, figures: Mapping[str, Mapping
     if found.rests.joints:
         report.text(sticking(found.rests.joints))
         keys, columns = [*keys, "rmse_moving"], [*columns, f"RMSE in motion [{unit}]"]
+    if found.model.presliding[0].any():
+        report.text(yielding(found.model.presliding[0]))
     for part, values in reversed(list(figures.items())):
         rows = [[j + 1, name, *(values[key][j] for key in keys)] for j, name in enumerate(robot.joints)]
         report.table(columns, rows, f"Errors on the {part} logs")

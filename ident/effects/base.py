@@ -136,6 +136,7 @@ class Survey:
         robot: the robot.
         smoothing: speed (n,) over which each joint's sign of velocity turns [rad/s or m/s].
         presliding: displacement (n,) over which its dry friction builds up instead [rad or m]; nought for none.
+        presliding_exponent: exponent (n,) with which it does.
         pace: mean speed (n,) [rad/s or m/s].
         friction: friction force (n,) of each joint at its mean speed, in the model's force unit.
         viscous: share (n,) of it that is viscous.
@@ -151,6 +152,7 @@ class Survey:
     robot: Robot
     smoothing: FloatArray
     presliding: FloatArray
+    presliding_exponent: FloatArray
     pace: FloatArray
     friction: FloatArray
     viscous: FloatArray

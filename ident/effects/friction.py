@@ -56,25 +56,32 @@ class DirectedEffect(VelocityEffect):
 
     Its direction is the sign of velocity or, with presliding, the state of a Dahl (1968) element: bearings and teeth
     yield before they slip, so that friction builds up over a displacement as the joint turns round, and stays where
-    the joint stops.
+    the joint stops. As the position changes, the direction z does by (1 - z sign(dq))^exponent / displacement.
 
     Attributes:
-        presliding: displacement [rad or m] over which 1 - 1/e of a change of direction builds up; nought for none.
+        presliding: displacement [rad or m] over which it would build up from none as it begins to; nought for none.
+        presliding_exponent: from nought, where friction yields like a spring until it slips, to one.
         remembers: whether it remembers more than its direction.
     """
 
     presliding: float = field(default=0.0, kw_only=True)
+    presliding_exponent: float = field(default=1.0, kw_only=True)
 
     remembers: ClassVar[bool] = False
 
     @classmethod
     def seen(cls, survey: Survey, joint: int, *options: float | None) -> Self:
         """Return the effect of a joint with the direction that the logs ask for, and options of its own in order."""
-        return cls(joint, float(survey.smoothing[joint]), *options, presliding=float(survey.presliding[joint]))
+        effect = super().seen(survey, joint, *options)
+        displacement, exponent = float(survey.presliding[joint]), float(survey.presliding_exponent[joint])
+        return replace(effect, presliding=displacement, presliding_exponent=exponent)
 
     def turned_as(self, friction: VelocityEffect) -> Self:
         """Return the same effect with the direction of another of its joint."""
-        return replace(self, smoothing=friction.smoothing, presliding=getattr(friction, "presliding", 0.0))
+        plain = super().turned_as(friction)
+        if not isinstance(friction, DirectedEffect):
+            return plain
+        return replace(plain, presliding=friction.presliding, presliding_exponent=friction.presliding_exponent)
 
     def start(self) -> FloatArray:
         """Return last position, not known before the first, and direction; nothing without presliding."""
@@ -86,24 +93,43 @@ class DirectedEffect(VelocityEffect):
             return context.direction
         if self.presliding > 0.0:
             position = np.ascontiguousarray(context.motion.q[:, self.at])
-            built: FloatArray = _build_up(position, self.presliding, memory)
+            built: FloatArray = _build_up(position, self.presliding, self.presliding_exponent, memory)
             return built
         return np.tanh(self.velocity(context) / self.smoothing)
 
 
 @compiled
-def _build_up(position: FloatArray, displacement: float, memory: FloatArray) -> FloatArray:
+def _build_up(position: FloatArray, displacement: float, exponent: float, memory: FloatArray) -> FloatArray:
     out = np.empty(len(position))
     last, state = memory[0], memory[1]
     for k in range(len(position)):
-        step = position[k] - last
-        if abs(step) > 0.0:  # not where the last is not known
-            sign = 1.0 if step > 0.0 else -1.0
-            state = sign + (state - sign) * np.exp(-abs(step) / displacement)
+        state = built_up(state, position[k] - last, displacement, exponent)
         last = position[k]
         out[k] = state
     memory[0], memory[1] = last, state
     return out
+
+
+@compiled
+def built_up(state: float, step: float, displacement: float, exponent: float) -> float:
+    """Direction after a step [rad or m] from another, exactly; the same where the step is not known.
+
+    Args:
+        state: the direction before, from -1 to 1.
+        step: change of position.
+        displacement: over which it builds up.
+        exponent: Dahl's, from nought to one.
+    """
+    if not abs(step) > 0.0:
+        return state
+    sign = 1.0 if step > 0.0 else -1.0
+    lacking, moved = 1.0 - sign * state, abs(step) / displacement
+    if exponent > 0.999:
+        lacking *= np.exp(-moved)
+    else:
+        left = lacking ** (1.0 - exponent) - (1.0 - exponent) * moved
+        lacking = left ** (1.0 / (1.0 - exponent)) if left > 0.0 else 0.0
+    return sign * (1.0 - lacking)
 
 
 @dataclass(frozen=True)

@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 from threadpoolctl import threadpool_limits
 
 from ident.fit import fit
-from ident.gap.presliding import yielding
+from ident.gap.presliding import built_anew, yielding
 from ident.gap.rests import Rests, find_rests, rests_of
 from ident.gap.rows import panel_of, survey_of
 from ident.gap.smoothing import Smoothed, smoothed
@@ -95,7 +95,8 @@ def foreseen(model: CurrentModel, train: Sequence[LogSource], choose: bool) -> F
     if choose:
         lower = _followed(best, STEP, logs)
         best = lower if lower is not best else _followed(best, 1.0 / STEP, logs)
-    return Foreseen(best.model, rests)
+    yields = best.model.presliding[0].any()
+    return Foreseen(built_anew(best.model, panel_of(best.model, train)) if yields else best.model, rests)
 
 
 def _directed(model: CurrentModel, train: Sequence[LogSource]) -> tuple[CurrentModel, Rests]:

@@ -101,7 +101,7 @@ class Panel:
             return self._looked_at
         if not isinstance(effect, DirectedEffect) or effect.remembers:
             return None
-        key = effect.at, effect.presliding
+        key = effect.at, effect.presliding, effect.presliding_exponent
         if key not in self._directions:
             self._directions[key] = self._looked_up(lambda context: effect.direction(context, effect.start()))
         return replace(self._looked_at, direction=self._directions[key])
@@ -110,7 +110,7 @@ class Panel:
         return np.concatenate([of(context)[rows] for context, rows in zip(self.contexts, self.rows, strict=True)])
 
     @cached_property
-    def _directions(self) -> dict[tuple[int, float], FloatArray]:
+    def _directions(self) -> dict[tuple[int, float, float], FloatArray]:
         return {}
 
     @cached_property

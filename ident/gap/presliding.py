@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.optimize import minimize_scalar
+from scipy.optimize import minimize
 
 from ident.arrays import BoolArray, FloatArray
-from ident.effects.base import Survey
-from ident.effects.friction import Coulomb, DirectedEffect, Stribeck
+from ident.effects.base import Effect, Survey
+from ident.effects.friction import Coulomb, Stribeck, VelocityEffect
 from ident.gap.candidates import best_start, forms, refine
 from ident.gap.joint_gap import JointGap
 from ident.gap.panel import Panel
@@ -33,12 +33,18 @@ from ident.gap.standing import hardly_moved
 from ident.gap.unsure import shaken, turning
 from ident.model import CurrentModel
 
-DISPLACEMENTS, FINE = np.geomspace(1e-5, 4e-4, 7), 0.02
-"""Displacements [rad or m] over which friction may build up; beyond, it is an effect of its own (maxwell-slip).
-The best is found to this share."""
+DISPLACEMENTS, EXPONENTS = (1e-5, 4e-4), (0.0, 1.0)
+"""Displacements [rad or m] over which friction may build up, and exponents; beyond, it is an effect of its own
+(maxwell-slip)."""
+
+GRID, STEPS = np.array([(i / 6.0, k / 2.0) for i in range(7) for k in range(3)]), 40
+"""Places on those ranges that are tried first, and laws that are tried about the best of them."""
 
 SHORTEST = 1.2e-5
 """The shortest of them looks for a sign that turns at once."""
+
+ROWS = 4000
+"""Rows that laws are fitted to, evenly spread."""
 
 CREEPS = (0.02, 0.06, 0.2)
 """Speeds [rad/s or m/s] below which dry friction may be more while that is chosen."""
@@ -76,29 +82,39 @@ class DryFriction:
         others = [panel.columns(t.effect, t.shape, joint) for t in own if t.effect is not law]
         return DryFriction(panel, joint, law, np.hstack(others))
 
-    def rows(self, law: Coulomb, counts: BoolArray, besides: Sequence[float] = ()) -> JointGap:
-        """The joint's rows, of which some (N,) count, with a law of dry friction, and more of it below some speeds."""
+    def columns(self, law: Coulomb, besides: Sequence[float] = ()) -> FloatArray:
+        """Columns (N, k) of a law of dry friction, and of more of it below some speeds."""
         more = Stribeck(self.joint).turned_as(law)
-        columns = [self.panel.columns(law, np.zeros(0), self.joint)]
-        columns += [self.panel.columns(more, np.array([speed]), self.joint) for speed in besides]
-        matrix = np.hstack([self.others, *columns])
+        columns = [self.panel.columns(more, np.array([speed]), self.joint) for speed in besides]
+        return np.hstack([self.panel.columns(law, np.zeros(0), self.joint), *columns])
+
+    def rows(self, law: Coulomb, counts: BoolArray) -> JointGap:
+        """The joint's rows, of which some (N,) count, with a law of dry friction."""
+        matrix = np.hstack([self.others, self.columns(law)])
         return JointGap(self.joint, matrix, self.panel.force[:, self.joint], counts, ())
 
-    def built_up(self, counts: BoolArray) -> Coulomb:
-        """The law that predicts rows (N,) held out best of those that build up over a displacement.
+    def built_up(self) -> Coulomb:
+        """The law that fits all rows best of those that build up over a displacement: rests tell most of it.
 
         Friction may follow the speed as it likes: what it is more as a joint creeps would shorten the displacement.
         """
+        some = np.arange(len(self.panel)) % max(1, len(self.panel) // ROWS) == 0
+        problem = JointGap(self.joint, self.others, self.panel.force[:, self.joint], some, ()).problem(self.panel)
+        ends = np.array([np.log(DISPLACEMENTS), EXPONENTS])
 
-        def error(place: float) -> float:
-            law = replace(self.law, presliding=float(np.exp(place)))
-            return self.rows(law, counts, CREEPS).problem(self.panel).errors().total
+        def law(place: FloatArray) -> Coulomb:
+            length, exponent = np.clip(place, *ends.T).tolist()
+            return replace(self.law, presliding=float(np.exp(length)), presliding_exponent=exponent)
 
-        places = np.log(DISPLACEMENTS)
-        best = int(np.argmin([error(place) for place in places.tolist()]))
-        ends = places[max(best - 1, 0)], places[min(best + 1, len(places) - 1)]
-        found = minimize_scalar(error, bounds=ends, method="bounded", options={"xatol": FINE})
-        return replace(self.law, presliding=float(np.exp(found.x)))
+        def left(place: FloatArray) -> float:
+            return -problem.drop(problem.of(self.columns(law(place), CREEPS)))
+
+        places = ends[:, 0] + np.ptp(ends, axis=1) * GRID
+        best = min(places, key=left)
+        # Towards the middle: at an end a step outwards is none.
+        begun = np.stack([best, best + np.array([0.3, 0.0]), best + np.array([0.0, 0.2 if best[1] < 0.5 else -0.2])])
+        found = minimize(left, best, method="Nelder-Mead", options={"initial_simplex": begun, "maxfev": STEPS})
+        return law(found.x)
 
 
 def yielding(model: CurrentModel, panel: Panel, survey: Survey, rests: Rests) -> CurrentModel:
@@ -115,28 +131,36 @@ def yielding(model: CurrentModel, panel: Panel, survey: Survey, rests: Rests) ->
     noise = np.where(turning(panel, survey), np.minimum(shaken(model, panel, survey), survey.holds), 0.0)
     rows = np.where(rests.sticks, ~panel.gather(rests.counts), turned)
     asked = np.flatnonzero(rests.sticks | _err_after_turns(panel, survey, gaps, turned, noise)).tolist()
-    lengths = {j: _length(model, panel, gaps[j], rows[:, j], _late(panel, survey, gaps[j])) for j in asked}
-    if sum(length > 0.0 for length in lengths.values()) >= TOGETHER[0] * len(asked):
+    laws = {j: _law(model, panel, gaps[j], rows[:, j], _late(panel, survey, gaps[j])) for j in asked}
+    if sum(law is not None for law in laws.values()) >= TOGETHER[0] * len(asked):
         # A lag that a joint alone seems to have is the same.
-        lengths = {j: length or _length(model, panel, gaps[j], rows[:, j]) for j, length in lengths.items()}
-    return with_presliding(model, {j: length for j, length in lengths.items() if length > 0.0})
+        laws = {j: law or _law(model, panel, gaps[j], rows[:, j]) for j, law in laws.items()}
+    return with_directions(model, laws)
 
 
-def with_presliding(model: CurrentModel, lengths: dict[int, float]) -> CurrentModel:
-    """The model with the direction of joints' friction built up over such displacements."""
-    if not lengths:
+def built_anew(model: CurrentModel, panel: Panel) -> CurrentModel:
+    """Fit the laws once more where friction builds up, to rows of logs under the model."""
+    yields = np.flatnonzero(model.presliding[0]).tolist()
+    frictions = {j: DryFriction.of(model, panel, j) for j in yields}
+    return with_directions(model, {j: None if dry is None else dry.built_up() for j, dry in frictions.items()})
+
+
+def with_directions(model: CurrentModel, laws: Mapping[int, Coulomb | None]) -> CurrentModel:
+    """The model with the direction of all friction of some joints, from 0, as it is in a law; None leaves it."""
+    if not any(laws.values()):
         return model
-    terms = tuple(
-        replace(term, effect=replace(term.effect, presliding=lengths.get(term.effect.at, term.effect.presliding)))
-        if isinstance(term.effect, DirectedEffect)
-        else term
-        for term in model.terms
-    )
-    return replace(model, terms=terms)
+
+    def turned(effect: Effect) -> Effect:
+        law = laws.get(effect.at) if isinstance(effect, VelocityEffect) else None
+        return effect.turned_as(law) if isinstance(effect, VelocityEffect) and law is not None else effect
+
+    return replace(model, terms=tuple(replace(term, effect=turned(term.effect)) for term in model.terms))
 
 
-def _length(model: CurrentModel, panel: Panel, gap: JointGap, rows: BoolArray, late: FloatArray | None = None) -> float:
-    """The displacement that predicts rows held out best; nought if it leaves too much of some of them.
+def _law(
+    model: CurrentModel, panel: Panel, gap: JointGap, rows: BoolArray, late: FloatArray | None = None
+) -> Coulomb | None:
+    """The dry friction that builds up as fits all rows best; None if it leaves too much of some of them.
 
     Args:
         model: a plain model.
@@ -147,13 +171,13 @@ def _length(model: CurrentModel, panel: Panel, gap: JointGap, rows: BoolArray, l
     """
     friction = DryFriction.of(model, panel, gap.joint)
     if friction is None:
-        return 0.0
+        return None
     if late is not None:
         friction = replace(friction, others=np.hstack([friction.others, late]))
-    best = friction.built_up(gap.keep)
+    best = friction.built_up()
     left = [friction.rows(law, gap.keep).everywhere(panel)[rows] for law in (friction.law, best)]
     before, after = (float(np.mean(x**2)) for x in left)
-    return best.presliding if after < MOST * before and best.presliding > SHORTEST else 0.0
+    return best if after < MOST * before and best.presliding > SHORTEST else None
 
 
 def _late(panel: Panel, survey: Survey, gap: JointGap) -> FloatArray:
@@ -163,8 +187,7 @@ def _late(panel: Panel, survey: Survey, gap: JointGap) -> FloatArray:
     starts = [best_start(panel, problem, law, gap.joint) for law in laws]
     if not starts:
         return np.zeros((len(panel), 0))
-    found = [refine(panel, problem, start, gap.joint) for start in starts]
-    best = max(found, key=lambda one: one.drop)
+    best = refine(panel, problem, max(starts, key=lambda start: start.drop), gap.joint)
     return panel.columns(best.effect, best.shape, gap.joint)
 
 

@@ -48,20 +48,19 @@ def survey_of(model: CurrentModel, panel: Panel) -> Survey:
     speed = np.abs(panel.velocity)
     total = panel.seen("total")
     position = panel.gather(lambda block: block.motion.q)
-    smoothing, presliding = np.full(robot.n, 5e-3), np.zeros(robot.n)
+    smoothing = np.full(robot.n, 5e-3)
     dry, viscous = np.zeros(robot.n), np.zeros(robot.n)
     for term in model.terms:
         if isinstance(term.effect, VelocityEffect):
             smoothing[term.effect.at] = term.effect.smoothing
         if isinstance(term.effect, Coulomb):
             dry[term.effect.at] += term.coefficients[0]
-            presliding[term.effect.at] = term.effect.presliding
         if isinstance(term.effect, Viscous):
             viscous[term.effect.at] += term.coefficients[0] * speed[:, term.effect.at].mean()
     return Survey(
         robot,
         smoothing,
-        presliding,
+        *model.presliding,
         speed.mean(axis=0),
         dry + viscous,
         np.clip(viscous / np.maximum(dry + viscous, 1e-12), 0.0, 1.0),

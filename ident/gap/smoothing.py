@@ -8,11 +8,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ident.arrays import BoolArray
-from ident.effects.base import Effect
-from ident.effects.friction import Coulomb, VelocityEffect
+from ident.effects.friction import Coulomb
 from ident.gap.joint_gap import JointGap
 from ident.gap.panel import Panel
-from ident.gap.presliding import DryFriction
+from ident.gap.presliding import DryFriction, with_directions
 from ident.gap.rests import Rests
 from ident.gap.rows import panel_of
 from ident.log import LogSource
@@ -48,15 +47,8 @@ def smoothed(model: CurrentModel, sources: Sequence[LogSource], rests: Rests) ->
     panel = panel_of(model, sources)
     counts = panel.gather(rests.counts)
     found = [_turning(model, panel, counts[:, j], j) for j in range(model.n)]
-    frictions = [friction for friction, _ in found]
-    terms = tuple(replace(term, effect=_turned(term.effect, frictions)) for term in model.terms)
-    return Smoothed(replace(model, terms=terms), float(np.sum(np.log([error for _, error in found]))), len(panel))
-
-
-def _turned(effect: Effect, frictions: Sequence[Coulomb | None]) -> Effect:
-    """An effect with the direction of its joint's dry friction."""
-    friction = frictions[effect.at] if isinstance(effect, VelocityEffect) else None
-    return effect.turned_as(friction) if isinstance(effect, VelocityEffect) and friction is not None else effect
+    turned = with_directions(model, {j: friction for j, (friction, _) in enumerate(found)})
+    return Smoothed(turned, float(np.sum(np.log([error for _, error in found]))), len(panel))
 
 
 def _turning(model: CurrentModel, panel: Panel, counts: BoolArray, joint: int) -> tuple[Coulomb | None, float]:
@@ -72,12 +64,9 @@ def _turning(model: CurrentModel, panel: Panel, counts: BoolArray, joint: int) -
         tried: list[tuple[Coulomb | None, JointGap]] = [
             (None, JointGap(joint, np.hstack(columns), panel.force[:, joint], counts, ()))
         ]
-    elif dry.law.presliding > 0.0:
-        # What a joint holds at rest tells best over which displacement its friction builds up.
-        law = dry.built_up(np.ones(len(panel), dtype=bool))
-        tried = [(law, dry.rows(law, counts))]
     else:
-        laws = [replace(dry.law, smoothing=width) for width in SMOOTHINGS.tolist()]
+        widths = SMOOTHINGS.tolist() if dry.law.presliding == 0.0 else [dry.law.smoothing]
+        laws = [replace(dry.law, smoothing=width) for width in widths]
         tried = [(law, dry.rows(law, counts)) for law in laws]
     problems = [one.problem(panel) for _, one in tried]
     moving = np.array([float(problem.residual @ problem.residual) for problem in problems])

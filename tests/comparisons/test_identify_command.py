@@ -258,6 +258,20 @@ def test_what_friction_holds_at_rest_is_left_out_and_said(capsys, tmp_path):
         np.testing.assert_allclose(result[part]["rmse_moving"], made.noise, rtol=0.1)
         assert np.all(np.array(result[part]["rmse"]) > 1.5 * made.noise)
     assert "Joints that stick: 1, 2, 3, 4, 5, 6." in (out / "report.html").read_text()
+    assert result["presliding"] == [0.0] * 6
+
+
+def test_friction_that_yields_is_modelled_and_said(capsys, tmp_path):
+    made = make(Case("vs060", (), 84, style="yields"))
+    for log in (*made.train, *made.test):
+        write_log(log, tmp_path / f"{log.name}.csv")
+    train, out = [tmp_path / f"{log.name}.csv" for log in made.train], tmp_path / "out"
+    test = ("--test", tmp_path / f"{made.test[0].name}.csv")
+    assert call(capsys, "vs060", "--train", *train, *test, "--out", out, *EFFECTS)[0] == 0
+    result = json.loads((out / "result.json").read_text())
+    assert np.all((np.array(result["presliding"]) > 1e-5) & (np.array(result["presliding"]) < 5e-4))
+    assert np.all(result["test"]["rmse"] < 1.8 * made.noise)  # 1.6 to 4.5 times it with one exponent
+    assert "Joints that yield before they slip" in (out / "report.html").read_text()
 
 
 def test_a_test_log_that_goes_further_than_the_train_log_is_said(capsys, robot, logs, tmp_path):

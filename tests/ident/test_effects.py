@@ -276,20 +276,39 @@ def test_a_subclass_with_a_name_enters_the_catalogue():
 
 
 def test_a_power_of_speed_is_tried_on_either_side_of_viscous_friction():
-    survey = SimpleNamespace(smoothing=np.full(6, 2e-3), presliding=np.zeros(6))
+    survey = SimpleNamespace(smoothing=np.full(6, 2e-3), presliding=np.zeros(6), presliding_exponent=np.ones(6))
     ranges = [form.shapes[0] for form in ViscousNonlinear.candidates(survey, 1)]
     assert [(s.lower, s.upper, s.starts) for s in ranges] == [(0.1, 0.9, (0.5, 0.2)), (1.1, 4.0, (2.0, 3.0))]
 
 
 @pytest.mark.parametrize(("reach", "fewest"), [(1.5, 1.05), (6.0, 0.3), (0.01, 6.0)])
 def test_friction_swings_a_quarter_and_more_over_the_angles_seen(reach, fewest):
-    survey = SimpleNamespace(smoothing=np.full(6, 2e-3), presliding=np.full(6, 1e-4), reach=np.full(6, reach))
+    figures = {"smoothing": 2e-3, "presliding": 1e-4, "presliding_exponent": 0.5, "reach": reach}
+    survey = SimpleNamespace(**{key: np.full(6, value) for key, value in figures.items()})
     one, two = PositionFriction.candidates(survey, 1)
     assert (one.harmonics, two.harmonics) == (1, 2)
-    assert (one.smoothing, one.presliding) == (2e-3, 1e-4)
+    assert (one.smoothing, one.presliding, one.presliding_exponent) == (2e-3, 1e-4, 0.5)
     for (swings,) in (one.shapes, two.shapes):
         assert swings.lower == pytest.approx(fewest, abs=0.01)
         assert all(swings.lower < start < swings.upper for start in swings.starts)
+
+
+@pytest.mark.parametrize("exponent", [0.0, 0.3, 0.7, 1.0])
+def test_friction_that_yields_builds_up_as_dahl_wrote(vs060, exponent):
+    """Over steps of any length what small steps of his differential equation give."""
+    q = np.zeros((9, 6))
+    q[:, 1] = 1e-4 * np.array([0.0, 0.5, 3.0, 2.9, 2.2, 2.4, -4.0, -3.8, -3.8])
+    law = Coulomb(1, presliding=1e-4, presliding_exponent=exponent)
+    motion = Motion(np.arange(9.0), q, np.zeros((9, 6)), np.zeros((9, 6)))
+    found = law.columns(Context(vs060, motion), np.zeros(0), law.start())[:, 0]
+    z, expected = 0.0, [0.0]
+    for step in np.diff(q[:, 1]):
+        small = step / 20_000
+        for _ in range(20_000):
+            z = np.clip(z + small / 1e-4 * max(1.0 - z * np.sign(small), 0.0) ** exponent, -1.0, 1.0)
+        expected.append(z)
+    np.testing.assert_allclose(found, expected, atol=2e-4)
+    assert np.all(np.abs(found) <= 1.0)
 
 
 @pytest.mark.parametrize(

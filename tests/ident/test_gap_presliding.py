@@ -66,13 +66,13 @@ def lower_at_once(q, dq):
     return 0.12 * np.sign(dq[:, 1]) * np.exp(-((dq[:, 1] / 0.08) ** 2))
 
 
-@pytest.mark.parametrize(("friction", "length", "noise"), [(short, 1.2e-4, 1.1), (elements, 2.5e-4, 1.2)])
+@pytest.mark.parametrize(("friction", "length", "noise"), [(short, 1.2e-4, 1.1), (elements, 2.9e-4, 1.1)])
 def test_the_baseline_builds_up_what_yields_and_nothing_is_named(arm, friction, length, noise):
     found = found_in(arm, friction)
     np.testing.assert_allclose(found.survey.presliding, length, rtol=0.2)
     assert found.rests == ()
     assert found.findings == ()
-    assert all(one.share < 0.15 for one in found.unexplained)
+    assert found.unexplained == ()
     assert np.all(found.evidence.after < noise * NOISE)
 
 
@@ -106,7 +106,8 @@ def test_what_rests_hold_is_told_by_how_the_joint_came_there(arm):
     """Joints that stop and go: a sign of velocity says nothing at rest, what has built up stays."""
     train, test = [stop_and_go(arm, seed) for seed in (1, 2, 3)], [stop_and_go(arm, 9)]
     found = find_gap(baseline_model(arm, train), train, test)
-    assert (found.findings, found.unexplained) == ((), ())
+    assert found.findings == ()
+    assert all(one.share < 0.2 for one in found.unexplained)
     np.testing.assert_allclose(found.survey.presliding, 1.2e-4, rtol=0.2)
     assert np.all(found.evidence.after < 2.0 * NOISE)
 

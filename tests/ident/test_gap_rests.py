@@ -236,7 +236,7 @@ def test_a_joint_that_turns_round_does_not_stick(arm):
 
 def test_further_joints_are_left_out_only_if_they_rest_and_move():
     nobody, speed = np.zeros(2, dtype=bool), np.full(2, 5e-3)
-    rests = Rests(nobody, nobody, np.array([True, False]), speed, DRY, 0.1)
+    rests = Rests(nobody, np.array([True, False]), speed, DRY, 0.1)
     assert rests.joints == ()
     assert rests.also([0, 1]).joints == (0,)
 
@@ -284,9 +284,8 @@ def test_what_is_held_at_rest_does_not_say_how_the_sign_turns_in_motion():
         ),
     )
     terms = [SimpleNamespace(effect=e, shape=np.zeros(0)) for e in (CurrentOffset(0), Coulomb(0))]
-    everything = np.ones(2000, dtype=bool)
-    width, _ = smoothing._smoothing(SimpleNamespace(terms=terms), panel, np.arange(2000) < 1200, everything, 0)
-    assert width < 2e-3
+    friction, _ = smoothing._turning(SimpleNamespace(terms=terms), panel, np.arange(2000) < 1200, 0)
+    assert friction.smoothing < 2e-3
 
 
 def test_noise_of_the_velocity_counts_only_where_the_sign_turns(arm, monkeypatch):
@@ -335,7 +334,7 @@ def test_what_turns_the_sign_otherwise_beside_rests_is_no_effect(arm, slow, name
     edges = edge_columns(panel, [t for t in own if t.effect.joint == 1], 1)
     left = 0.4 * np.sign(v) * np.exp(-((np.abs(v) / slow) ** 1.3)) + 0.005 * rng.standard_normal(len(panel))
     everything = np.ones(len(panel), dtype=bool)
-    gap = JointGap(1, np.column_stack([v, edges]), left, everything, (), 3).moving(panel, np.abs(v) < 5e-3, True)
+    gap = JointGap(1, np.column_stack([v, edges]), left, everything, (), 3).moving(panel, np.abs(v) < 5e-3)
     survey = survey_of(model, panel)
     bare, slight = replace(gap, edge=None), with_slight_edge(panel, gap, own)
     assert search(panel, survey, bare).winner(panel) is not None

@@ -13,6 +13,7 @@ from ident.effects.electrical import DriveGain
 from ident.effects.friction import Coulomb, DirectedEffect, LoadFriction, Viscous
 from ident.effects.hysteresis import MaxwellSlip
 from ident.effects.rigid_body import Links
+from ident.effects.thermal import ThermalFriction
 from ident.log import JointLog
 from ident.model import NEWTON_METRE, CurrentModel
 from ident.online_friction import ENCODED, Memories, OneSample
@@ -122,7 +123,8 @@ def test_the_loop_gives_the_columns(vs060, name, seed):
 @pytest.mark.parametrize("kind", [k for k in ENCODED if issubclass(k, DirectedEffect)], ids=lambda kind: kind.name)
 def test_directions_that_build_up_give_the_columns(vs060, kind):
     rng = np.random.default_rng(3)
-    model = model_of(vs060, *(term(kind(j, presliding=length), rng, vs060) for j, length in ((4, 3e-4), (0, 2e-3))))
+    forms = kind(4, presliding=3e-4), kind(0, presliding=2e-3, presliding_exponent=0.3)
+    model = model_of(vs060, *(term(effect, rng, vs060) for effect in forms))
     assert model.one_sample.encoded == (False, True, True)
     motion = wander(rng)
     ours, theirs = model.start(), model.start()
@@ -148,7 +150,9 @@ def test_memory_goes_on_between_samples_and_blocks(vs060):
         Term(MaxwellSlip(j, spread), np.array([2e-3]), rng.uniform(size=len(spread)))
         for j, spread in ((1, (0.25, 1.0, 4.0)), (3, (1.0,)), (1, (0.5, 2.0)))
     ]
-    terms += [term(kind(2, presliding=1e-3), rng, vs060) for kind in (Coulomb, CATALOGUE["thermal-friction"])]
+    terms += [
+        term(kind(2, presliding=1e-3, presliding_exponent=0.4), rng, vs060) for kind in (Coulomb, ThermalFriction)
+    ]
     model, motion = model_of(vs060, *terms), wander(rng, 900)
     whole = model.friction(motion)
     memories = model.start()
