@@ -41,7 +41,7 @@ GRID, STEPS = np.array([(i / 6.0, k / 2.0) for i in range(7) for k in range(3)])
 """Places on those ranges that are tried first, and laws that are tried about the best of them."""
 
 SHORTEST = 1.2e-5
-"""The shortest of them looks for a sign that turns at once."""
+"""Whatever ends below this is a sign that turns at once."""
 
 ROWS = 4000
 """Rows that laws are fitted to, evenly spread."""
