@@ -144,7 +144,7 @@ def _identify(
 ) -> Identification:
     tell = progress or (lambda what, share: None)
     tell("looking at the logs", 0.0)
-    start, seen = _seen(robot, start_of(robot, train, cutoff, gains, loaded), train, cutoff is None)
+    start, seen = _seen(robot, start_of(robot, train, cutoff, gains, loaded), train, cutoff is None, effects is None)
     train = [seen.model.view(source) for source in train]
     hertz, drives, rests = start.cutoff.hertz, start.drives, seen.rests
     structure: Structure | None = None
@@ -176,9 +176,12 @@ def _identify(
     )
 
 
-def _seen(robot: Robot, start: Start, train: Sequence[LogSource], choose: bool) -> tuple[Start, Foreseen]:
-    """The start with the signs and sources of velocity and, if it is to be chosen, the cut-off that predict best."""
-    found = foreseen(start.model(robot), train, choose)
+def _seen(robot: Robot, start: Start, train: Sequence[LogSource], choose: bool, yields: bool) -> tuple[Start, Foreseen]:
+    """The start with the signs and sources of velocity and, if it is to be chosen, the cut-off that predict best.
+
+    Friction may build up over a displacement where the effects are not given: who names some means no memory.
+    """
+    found = foreseen(start.model(robot), train, choose, yields)
     effects = [_turning(old, term.effect) for old, term in zip(start.effects, found.model.terms, strict=True)]
     hertz = found.model.cutoff
     cutoff = start.cutoff

@@ -80,23 +80,25 @@ class Foreseen:
     rests: Rests
 
 
-def foreseen(model: CurrentModel, train: Sequence[LogSource], choose: bool) -> Foreseen:
+def foreseen(model: CurrentModel, train: Sequence[LogSource], choose: bool, yields: bool = True) -> Foreseen:
     """Let a plain model see logs as it predicts rows held out best.
 
     Args:
         model: links, rotors, offsets, Coulomb and viscous friction, fitted to the logs.
         train: the logs.
         choose: whether the cut-off is chosen, too.
+        yields: whether friction may build up over a displacement.
     """
-    model, rests = _directed(model, train)
+    model, rests = _directed(model, train) if yields else (model, find_rests(model, train))
     logged = any(block.dq is not None for source in train for block in itertools.islice(source.blocks(2), 1))
     logs = _Logs(train, logged, rests)
     best = _best_velocities(model, logs)
     if choose:
         lower = _followed(best, STEP, logs)
         best = lower if lower is not best else _followed(best, 1.0 / STEP, logs)
-    yields = best.model.presliding[0].any()
-    return Foreseen(built_anew(best.model, panel_of(best.model, train)) if yields else best.model, rests)
+    if best.model.presliding[0].any():
+        return Foreseen(built_anew(best.model, panel_of(best.model, train)), rests)
+    return Foreseen(best.model, rests)
 
 
 def _directed(model: CurrentModel, train: Sequence[LogSource]) -> tuple[CurrentModel, Rests]:

@@ -28,7 +28,7 @@ MOST = 3.0
 def edge_columns(panel: Panel, own: Sequence[Term], joint: int) -> FloatArray:
     """Columns (N, 3), or none, by which a joint's direction may turn otherwise than modelled."""
     for term in own:
-        if isinstance(term.effect, Coulomb):
+        if isinstance(term.effect, Coulomb) and term.effect.joint == joint:
             v, width = panel.velocity[:, joint], term.effect.smoothing
             sign = panel.columns(term.effect, term.shape, joint)[:, 0]
             bends = [v / np.sqrt(v**2 + width**2), np.tanh(EDGE * v / width), np.tanh(v / min(EDGE * width, WIDEST))]

@@ -267,7 +267,7 @@ def test_friction_that_yields_is_modelled_and_said(capsys, tmp_path):
         write_log(log, tmp_path / f"{log.name}.csv")
     train, out = [tmp_path / f"{log.name}.csv" for log in made.train], tmp_path / "out"
     test = ("--test", tmp_path / f"{made.test[0].name}.csv")
-    assert call(capsys, "vs060", "--train", *train, *test, "--out", out, *EFFECTS)[0] == 0
+    assert call(capsys, "vs060", "--train", *train, *test, "--out", out)[0] == 0
     result = json.loads((out / "result.json").read_text())
     assert np.all((np.array(result["presliding"]) > 1e-5) & (np.array(result["presliding"]) < 5e-4))
     assert np.all(result["test"]["rmse"] < 1.8 * made.noise)  # 1.6 to 4.5 times it with one exponent
