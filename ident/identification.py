@@ -90,7 +90,7 @@ class Identification:
                 for j in range(self.model.n)
             },
             "rests_left_out": [j + 1 for j in self.rests.joints],
-            "presliding": self.model.presliding[0].tolist(),
+            "presliding": self.model.presliding.tolist(),
             "warnings": list(self.warnings),
             **({"gain_interval": _gain_intervals(self.gain_estimate)} if self.gain_estimate is not None else {}),
             **({"feasible": _feasible_result(self.feasible)} if self.feasible is not None else {}),

@@ -85,14 +85,21 @@ class CurrentModel:
         return inertia
 
     @cached_property
-    def presliding(self) -> tuple[FloatArray, FloatArray]:
-        """Displacements (n,) over which dry friction builds up as joints turn [rad or m], or nought, and exponents."""
-        displacement, exponent = np.zeros(self.n), np.ones(self.n)
+    def presliding(self) -> FloatArray:
+        """Displacement (n,) over which each joint's dry friction builds up as it turns [rad or m], or nought."""
+        return self._of_directions("presliding", 0.0)
+
+    @cached_property
+    def presliding_exponent(self) -> FloatArray:
+        """Exponent (n,) with which it does."""
+        return self._of_directions("presliding_exponent", 1.0)
+
+    def _of_directions(self, name: str, otherwise: float) -> FloatArray:
+        values = np.full(self.n, otherwise)
         for term in self.terms:
             if isinstance(term.effect, DirectedEffect):
-                displacement[term.effect.at] = term.effect.presliding
-                exponent[term.effect.at] = term.effect.presliding_exponent
-        return displacement, exponent
+                values[term.effect.at] = getattr(term.effect, name)
+        return values
 
     def load(self, motion: Motion) -> FloatArray:
         """Force (N, n) that the links need for a motion."""

@@ -160,7 +160,7 @@ def gap_result(found: GapReport) -> dict[str, Any]:
             {"effect": u.effect, "joints": [j + 1 for j in u.joints], "reason": u.reason} for u in found.untestable
         ],
         "rests_left_out": [j + 1 for j in found.rests],
-        "presliding": found.model.presliding[0].tolist(),
+        "presliding": found.model.presliding.tolist(),
         "rmse_moving": {"before": found.evidence.moving[0], "after": found.evidence.moving[-1]},
         "noise_floor": found.noise_floor,
         "warnings": list(found.warnings),

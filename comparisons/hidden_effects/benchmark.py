@@ -23,7 +23,7 @@ from comparisons.cli import run_alone
 from comparisons.cluster import workers
 from comparisons.hidden_effects.benchmark_page import page, plots, results
 from comparisons.hidden_effects.measured import FOLDER, MeasuredTask, measured_tasks
-from comparisons.hidden_effects.styles import SET, STYLES
+from comparisons.hidden_effects.styles import ALL, STYLES
 from comparisons.hidden_effects.suites import KINDS, SUITES, Sizes, Suite, Task, shuffled, tasks
 from comparisons.hidden_effects.work import METHODS, whole, work
 from comparisons.output import to_json
@@ -85,7 +85,7 @@ def benchmark(
         usual.mixtures if mixtures is None else mixtures,
         usual.nothing if nothing is None else nothing,
         robots or usual.robots,
-        SET if "all" in styles else styles or usual.styles,
+        ALL if "all" in styles else styles or usual.styles,
     )
     folder = measured or (Path(os.environ[FOLDER]) if FOLDER in os.environ else None)
     listed = _chosen([*tasks(sizes, seed), *measured_tasks(folder, seed)], only)

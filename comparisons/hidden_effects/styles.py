@@ -50,8 +50,8 @@ STYLES = {
 }
 """What others' logs are like."""
 
-SET = tuple(name for name, style in STYLES.items() if not style.holds and style.yields is None)
-"""Those of which dry friction does what a sign of velocity says."""
+ALL = tuple(name for name, style in STYLES.items() if not style.holds and style.yields is None)
+"""Those that ``all`` stands for: dry friction does what a sign of velocity says."""
 
 POOR = {
     "creep": Style((("slow", 60.0),)),

@@ -250,8 +250,8 @@ def _open(report: Report, found: GapReport) -> None:
         report.text("Nothing that a flexible regressor could predict on stretches held out.")
     if found.rests:
         report.text(sticking(found.rests))
-    if found.model.presliding[0].any():
-        report.text(yielding(found.model.presliding[0]))
+    if found.model.presliding.any():
+        report.text(yielding(found.model.presliding))
     report.section("What could not be tested")
     rows = [[u.effect, ", ".join(str(j + 1) for j in u.joints) or "all", u.reason] for u in found.untestable]
     if rows:

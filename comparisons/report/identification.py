@@ -79,8 +79,8 @@ def _errors(report: Report, found: Identification, figures: Mapping[str, Mapping
     if found.rests.joints:
         report.text(sticking(found.rests.joints))
         keys, columns = [*keys, "rmse_moving"], [*columns, f"RMSE in motion [{unit}]"]
-    if found.model.presliding[0].any():
-        report.text(yielding(found.model.presliding[0]))
+    if found.model.presliding.any():
+        report.text(yielding(found.model.presliding))
     for part, values in reversed(list(figures.items())):
         rows = [[j + 1, name, *(values[key][j] for key in keys)] for j, name in enumerate(robot.joints)]
         report.table(columns, rows, f"Errors on the {part} logs")

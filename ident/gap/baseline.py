@@ -96,7 +96,7 @@ def foreseen(model: CurrentModel, train: Sequence[LogSource], choose: bool, yiel
     if choose:
         lower = _followed(best, STEP, logs)
         best = lower if lower is not best else _followed(best, 1.0 / STEP, logs)
-    if best.model.presliding[0].any():
+    if best.model.presliding.any():
         return Foreseen(built_anew(best.model, panel_of(best.model, train)), rests)
     return Foreseen(best.model, rests)
 
@@ -107,7 +107,10 @@ def _directed(model: CurrentModel, train: Sequence[LogSource]) -> tuple[CurrentM
     survey = survey_of(model, panel)
     rests = rests_of(model, panel, survey)
     found = yielding(model, panel, survey, rests)
-    return found, rests if found is model else find_rests(found, train)
+    if found is model:
+        return model, rests
+    panel = panel.seen_by(found)
+    return found, rests_of(found, panel, survey_of(found, panel))
 
 
 @dataclass(frozen=True, eq=False)

@@ -31,11 +31,13 @@ def edge_columns(panel: Panel, own: Sequence[Term], joint: int) -> FloatArray:
         if isinstance(term.effect, Coulomb) and term.effect.joint == joint:
             v, width = panel.velocity[:, joint], term.effect.smoothing
             sign = panel.columns(term.effect, term.shape, joint)[:, 0]
-            bends = [v / np.sqrt(v**2 + width**2), np.tanh(EDGE * v / width), np.tanh(v / min(EDGE * width, WIDEST))]
             if term.effect.presliding > 0.0:
                 lengths = (term.effect.presliding / LONGER, term.effect.presliding * LONGER)
                 others = (replace(term.effect, presliding=length) for length in lengths)
                 bends = [np.tanh(v / width), *(panel.columns(other, term.shape, joint)[:, 0] for other in others)]
+            else:
+                rounder, wider = v / np.sqrt(v**2 + width**2), np.tanh(v / min(EDGE * width, WIDEST))
+                bends = [rounder, np.tanh(EDGE * v / width), wider]
             return np.stack([bend - sign for bend in bends], axis=1)
     return np.zeros((len(panel), 0))
 

@@ -15,22 +15,22 @@ from ident.gap.candidates import best_start, forms, refine
 from ident.gap.joint_gap import JointGap
 from ident.gap.panel import Panel
 from ident.gap.rests import (
-    HELD,
     SEVERAL,
-    SHAKEN,
     SLIP,
     STICKS,
     TOGETHER,
     Rests,
     contrast,
+    holds,
+    in_company,
     left_in,
+    noise_at_turns,
     occasions,
     slipless,
     told_by,
 )
 from ident.gap.rows import gap_of
 from ident.gap.standing import hardly_moved
-from ident.gap.unsure import shaken, turning
 from ident.model import CurrentModel
 
 DISPLACEMENTS, EXPONENTS = (1e-5, 4e-4), (0.0, 1.0)
@@ -100,6 +100,8 @@ class DryFriction:
         """
         some = np.arange(len(self.panel)) % max(1, len(self.panel) // ROWS) == 0
         problem = JointGap(self.joint, self.others, self.panel.force[:, self.joint], some, ()).problem(self.panel)
+        # A panel of its own: what is tried once need not be kept.
+        own = replace(self, panel=replace(self.panel))
         ends = np.array([np.log(DISPLACEMENTS), EXPONENTS])
 
         def law(place: FloatArray) -> Coulomb:
@@ -107,7 +109,7 @@ class DryFriction:
             return replace(self.law, presliding=float(np.exp(length)), presliding_exponent=exponent)
 
         def left(place: FloatArray) -> float:
-            return -problem.drop(problem.of(self.columns(law(place), CREEPS)))
+            return -problem.drop(problem.of(own.columns(law(place), CREEPS)))
 
         places = ends[:, 0] + np.ptp(ends, axis=1) * GRID
         best = min(places, key=left)
@@ -128,7 +130,7 @@ def yielding(model: CurrentModel, panel: Panel, survey: Survey, rests: Rests) ->
     """
     gaps = [gap_of(model, panel, j) for j in range(model.n)]
     turned = panel.gather(lambda block: hardly_moved(block, np.full(model.n, SLIP)))
-    noise = np.where(turning(panel, survey), np.minimum(shaken(model, panel, survey), survey.holds), 0.0)
+    noise = noise_at_turns(model, panel, survey)
     rows = np.where(rests.sticks, ~panel.gather(rests.counts), turned)
     asked = np.flatnonzero(rests.sticks | _err_after_turns(panel, survey, gaps, turned, noise)).tolist()
     laws = {j: _law(model, panel, gaps[j], rows[:, j], _late(panel, survey, gaps[j])) for j in asked}
@@ -140,7 +142,7 @@ def yielding(model: CurrentModel, panel: Panel, survey: Survey, rests: Rests) ->
 
 def built_anew(model: CurrentModel, panel: Panel) -> CurrentModel:
     """Fit the laws once more where friction builds up, to rows of logs under the model."""
-    yields = np.flatnonzero(model.presliding[0]).tolist()
+    yields = np.flatnonzero(model.presliding).tolist()
     frictions = {j: DryFriction.of(model, panel, j) for j in yields}
     return with_directions(model, {j: None if dry is None else dry.built_up() for j, dry in frictions.items()})
 
@@ -151,8 +153,10 @@ def with_directions(model: CurrentModel, laws: Mapping[int, Coulomb | None]) -> 
         return model
 
     def turned(effect: Effect) -> Effect:
-        law = laws.get(effect.at) if isinstance(effect, VelocityEffect) else None
-        return effect.turned_as(law) if isinstance(effect, VelocityEffect) and law is not None else effect
+        if not isinstance(effect, VelocityEffect):
+            return effect
+        law = laws.get(effect.at)
+        return effect if law is None else effect.turned_as(law)
 
     return replace(model, terms=tuple(replace(term, effect=turned(term.effect)) for term in model.terms))
 
@@ -202,14 +206,10 @@ def _err_after_turns(
         if not asked[j]:
             return False
         left = gap.without(turned[:, j]).everywhere(panel)
-        usual, held, by_noise = contrast(left, turned[:, j], noise[:, j])
-        much = times * usual + SHAKEN * by_noise <= held <= (HELD * survey.holds[j]) ** 2 + usual
+        much = holds(*contrast(left, turned[:, j], noise[:, j]), times, float(survey.holds[j]))
         return much and _slips(panel, survey, gap, turned[:, j])
 
-    found = [errs(gap, STICKS) for gap in gaps]
-    if np.mean(found) >= TOGETHER[0]:
-        found = [one or errs(gap, TOGETHER[1]) for one, gap in zip(found, gaps, strict=True)]
-    return np.array(found, dtype=bool)
+    return in_company(errs, gaps, np.full(len(gaps), STICKS))
 
 
 def _slips(panel: Panel, survey: Survey, gap: JointGap, turned: BoolArray) -> bool:

@@ -6,7 +6,7 @@ given such rows bend to them. They are left out, unless something that the model
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -139,8 +139,7 @@ def rests_of(model: CurrentModel, panel: Panel, survey: Survey) -> Rests:
     speed = np.minimum(STANDS, OF_MEAN * survey.pace)
     around = AROUND / model.cutoff
     rests = panel.gather(lambda block: stands(block, speed, around))
-    # Where a joint starts and stops the filter's smear looks like noise, but there its sign no longer turns.
-    noise = np.where(turning(panel, survey), np.minimum(shaken(model, panel, survey), survey.holds), 0.0)
+    noise = noise_at_turns(model, panel, survey)
     lasting = panel.gather(lambda block: lasts(block, speed)).sum(axis=0)
     stops = lasting > MOSTLY * (np.abs(panel.velocity) < speed).sum(axis=0)
     share = rests.mean(axis=0)
@@ -149,18 +148,29 @@ def rests_of(model: CurrentModel, panel: Panel, survey: Survey) -> Rests:
     def sticking(gap: JointGap, times: float) -> bool:
         return bool(may[gap.joint]) and _sticks(panel, survey, gap, rests[:, gap.joint], noise[:, gap.joint], times)
 
-    sticks = [sticking(gap, BESIDE if survey.presliding[gap.joint] > 0.0 else STICKS) for gap in gaps]
-    if np.mean(sticks) >= TOGETHER[0]:
-        sticks = [one or sticking(gap, TOGETHER[1]) for one, gap in zip(sticks, gaps, strict=True)]
+    sticks = in_company(sticking, gaps, np.where(survey.presliding > 0.0, BESIDE, STICKS))
     everyone = np.sum(sticks) >= ALL * may.sum()
-    return Rests(may if everyone else np.array(sticks), may, speed, HELD * survey.holds, around)
+    return Rests(may if everyone else sticks, may, speed, HELD * survey.holds, around)
+
+
+def noise_at_turns(model: CurrentModel, panel: Panel, survey: Survey) -> FloatArray:
+    """Error (N, n) that noise makes of dry friction, by standard deviation, where its direction turns."""
+    # Where a joint starts and stops the filter's smear looks like noise, but there its sign no longer turns.
+    return np.where(turning(panel, survey), np.minimum(shaken(model, panel, survey), survey.holds), 0.0)
+
+
+def in_company(asks: Callable[[JointGap, float], bool], gaps: Sequence[JointGap], times: FloatArray) -> BoolArray:
+    """Joints (n,) of which it is true with so many times (n,), or with fewer where it is of several."""
+    found = [asks(gap, float(one)) for gap, one in zip(gaps, times, strict=True)]
+    if np.mean(found) >= TOGETHER[0]:
+        found = [one or asks(gap, TOGETHER[1]) for one, gap in zip(found, gaps, strict=True)]
+    return np.array(found, dtype=bool)
 
 
 def _sticks(panel: Panel, survey: Survey, gap: JointGap, rest: BoolArray, noise: FloatArray, times: float) -> bool:
     left = gap.without(rest).everywhere(panel)
     usual, held, by_noise = contrast(left, rest, noise)
-    least = times * usual + SHAKEN * by_noise
-    if not least <= held <= (HELD * survey.holds[gap.joint]) ** 2 + usual:
+    if not holds(usual, held, by_noise, times, float(survey.holds[gap.joint])):
         return False
     if _rattles(panel.force[:, gap.joint], left, rest) or _hunts(panel, left, rest):
         return False
@@ -170,6 +180,11 @@ def _sticks(panel: Panel, survey: Survey, gap: JointGap, rest: BoolArray, noise:
 def contrast(left: FloatArray, rest: BoolArray, noise: FloatArray) -> tuple[float, float, float]:
     """Mean squares of what is left (N,) in motion, in rests, and of what noise (N,) makes there."""
     return float(np.mean(left[~rest] ** 2)), float(np.mean(left[rest] ** 2)), float(np.mean(noise[rest] ** 2))
+
+
+def holds(usual: float, held: float, by_noise: float, times: float, dry: float) -> bool:
+    """Whether rows hold so many times what is usual, beyond noise, and no more than dry friction could."""
+    return times * usual + SHAKEN * by_noise <= held <= (HELD * dry) ** 2 + usual
 
 
 def _rattles(force: FloatArray, left: FloatArray, rest: BoolArray) -> bool:

@@ -60,7 +60,8 @@ def survey_of(model: CurrentModel, panel: Panel) -> Survey:
     return Survey(
         robot,
         smoothing,
-        *model.presliding,
+        model.presliding,
+        model.presliding_exponent,
         speed.mean(axis=0),
         dry + viscous,
         np.clip(viscous / np.maximum(dry + viscous, 1e-12), 0.0, 1.0),

@@ -13,7 +13,7 @@ from ident.gap.joint_gap import JointGap
 from ident.gap.panel import Panel
 from ident.gap.presliding import DryFriction, with_directions
 from ident.gap.rests import Rests
-from ident.gap.rows import panel_of
+from ident.gap.rows import gap_of, panel_of
 from ident.log import LogSource
 from ident.model import CurrentModel
 
@@ -58,12 +58,9 @@ def _turning(model: CurrentModel, panel: Panel, counts: BoolArray, joint: int) -
     tell how well the sign is predicted as the joint creeps, but what is held there is no friction.
     """
     dry = DryFriction.of(model, panel, joint)
+    tried: list[tuple[Coulomb | None, JointGap]]
     if dry is None:
-        own = [t for t in model.terms if t.effect.acts_on in (None, joint)]
-        columns = [panel.columns(t.effect, t.shape, joint) for t in own]
-        tried: list[tuple[Coulomb | None, JointGap]] = [
-            (None, JointGap(joint, np.hstack(columns), panel.force[:, joint], counts, ()))
-        ]
+        tried = [(None, gap_of(model, panel, joint).bare().without(~counts))]
     else:
         widths = SMOOTHINGS.tolist() if dry.law.presliding == 0.0 else [dry.law.smoothing]
         laws = [replace(dry.law, smoothing=width) for width in widths]

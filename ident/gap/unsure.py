@@ -111,8 +111,13 @@ def smear(model: CurrentModel, block: Block, taken: FloatArray) -> FloatArray:
 
 def position_noise(model: CurrentModel, block: Block) -> FloatArray:
     """Standard deviation (N, n) of the noise that the filter leaves in the positions, taken for white."""
-    share = min(2.0 * model.cutoff / block.log.rate, 0.9)
-    return np.asarray(np.sqrt(around_square(block, block.removed) * share / (1.0 - share)))
+    share = _share(model, block)
+    return np.asarray(np.sqrt(around_square(block, block.removed) / (1.0 - share)) * np.sqrt(share))
+
+
+def _share(model: CurrentModel, block: Block) -> float:
+    """Share of white noise's square that is below the cut-off."""
+    return min(2.0 * model.cutoff / block.log.rate, 0.9)
 
 
 def velocity_noise(model: CurrentModel, block: Block) -> FloatArray:
@@ -122,7 +127,7 @@ def velocity_noise(model: CurrentModel, block: Block) -> FloatArray:
     more slowly than the cut-off pass it, and are no less noise.
     """
     cutoff, rate = model.cutoff, block.log.rate
-    share = min(2.0 * cutoff / rate, 0.9)
+    share = _share(model, block)
     noise = np.sqrt(removed_square(model, block) / (1.0 - share))
     if velocities_used(model, block) is not None:
         return np.asarray(noise * np.sqrt(share))

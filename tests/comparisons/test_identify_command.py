@@ -245,33 +245,32 @@ def test_two_test_logs_of_one_name_are_refused(capsys, logs, tmp_path):
     refused(call(capsys, "vs060", *words, "--out", tmp_path / "out", *EFFECTS), "two test logs are named test")
 
 
-def test_what_friction_holds_at_rest_is_left_out_and_said(capsys, tmp_path):
-    made = make(Case("vs060", (), 84, style="sticks"))
+def identified(capsys, folder, style, *words):
+    """A case in which nothing is hidden, and the result and report of its identification."""
+    made, out = make(Case("vs060", (), 84, style=style)), folder / "out"
     for log in (*made.train, *made.test):
-        write_log(log, tmp_path / f"{log.name}.csv")
-    train, out = [tmp_path / f"{log.name}.csv" for log in made.train], tmp_path / "out"
-    test = ("--test", tmp_path / f"{made.test[0].name}.csv")
-    assert call(capsys, "vs060", "--train", *train, *test, "--out", out, *EFFECTS)[0] == 0
-    result = json.loads((out / "result.json").read_text())
+        write_log(log, folder / f"{log.name}.csv")
+    train = [folder / f"{log.name}.csv" for log in made.train]
+    test = ("--test", folder / f"{made.test[0].name}.csv")
+    assert call(capsys, "vs060", "--train", *train, *test, "--out", out, *words)[0] == 0
+    return made, json.loads((out / "result.json").read_text()), (out / "report.html").read_text()
+
+
+def test_what_friction_holds_at_rest_is_left_out_and_said(capsys, tmp_path):
+    made, result, report = identified(capsys, tmp_path, "sticks", *EFFECTS)
     assert result["rests_left_out"] == [1, 2, 3, 4, 5, 6]
     for part in ("train", "test"):
         np.testing.assert_allclose(result[part]["rmse_moving"], made.noise, rtol=0.1)
         assert np.all(np.array(result[part]["rmse"]) > 1.5 * made.noise)
-    assert "Joints that stick: 1, 2, 3, 4, 5, 6." in (out / "report.html").read_text()
+    assert "Joints that stick: 1, 2, 3, 4, 5, 6." in report
     assert result["presliding"] == [0.0] * 6
 
 
 def test_friction_that_yields_is_modelled_and_said(capsys, tmp_path):
-    made = make(Case("vs060", (), 84, style="yields"))
-    for log in (*made.train, *made.test):
-        write_log(log, tmp_path / f"{log.name}.csv")
-    train, out = [tmp_path / f"{log.name}.csv" for log in made.train], tmp_path / "out"
-    test = ("--test", tmp_path / f"{made.test[0].name}.csv")
-    assert call(capsys, "vs060", "--train", *train, *test, "--out", out)[0] == 0
-    result = json.loads((out / "result.json").read_text())
+    made, result, report = identified(capsys, tmp_path, "yields")
     assert np.all((np.array(result["presliding"]) > 1e-5) & (np.array(result["presliding"]) < 5e-4))
     assert np.all(result["test"]["rmse"] < 1.8 * made.noise)  # 1.6 to 4.5 times it with one exponent
-    assert "Joints that yield before they slip" in (out / "report.html").read_text()
+    assert "Joints that yield before they slip" in report
 
 
 def test_a_test_log_that_goes_further_than_the_train_log_is_said(capsys, robot, logs, tmp_path):

@@ -99,6 +99,16 @@ def by_samples(model: CurrentModel, motion: Motion, memories: Memories) -> np.nd
     return force
 
 
+def agreed(model: CurrentModel, motion: Motion, rtol: float) -> np.ndarray:
+    """Force of two encoded terms, of which loop and columns agree, and so do their memories."""
+    assert model.one_sample.encoded == (False, True, True)
+    ours, theirs = model.start(), model.start()
+    expected, found = by_columns(model, motion, theirs), by_samples(model, motion, ours)
+    np.testing.assert_allclose(found, expected, rtol=rtol, atol=1e-12)
+    np.testing.assert_allclose(ours.flat, theirs.flat, rtol=1e-12, atol=1e-12)
+    return expected
+
+
 def test_what_identification_uses_is_encoded():
     assert {kind.name for kind in ENCODED} == set(IDENTIFIED)
     assert sorted(ENCODED.values()) == list(range(len(ENCODED)))
@@ -111,13 +121,8 @@ def test_the_loop_gives_the_columns(vs060, name, seed):
     kind = CATALOGUE[name]
     effects = [kind(j, source=(j + 2) % 6) if name.startswith("cross") else kind(j) for j in (4, 0)]
     model = model_of(vs060, *(term(effect, rng, vs060) for effect in effects))
-    assert model.one_sample.encoded == (False, True, True)
-    motion = wander(rng)
-    ours, theirs = model.start(), model.start()
-    expected, found = by_columns(model, motion, theirs), by_samples(model, motion, ours)
-    np.testing.assert_allclose(found, expected, rtol=1e-12, atol=1e-12)
+    expected = agreed(model, wander(rng), 1e-12)
     assert (np.nanmax(np.abs(expected), axis=0) > 0.0).tolist() == [True, False, False, False, True, False]
-    np.testing.assert_allclose(ours.flat, theirs.flat, rtol=1e-12, atol=1e-12)
 
 
 @pytest.mark.parametrize("kind", [k for k in ENCODED if issubclass(k, DirectedEffect)], ids=lambda kind: kind.name)
@@ -125,12 +130,7 @@ def test_directions_that_build_up_give_the_columns(vs060, kind):
     rng = np.random.default_rng(3)
     forms = kind(4, presliding=3e-4), kind(0, presliding=2e-3, presliding_exponent=0.3)
     model = model_of(vs060, *(term(effect, rng, vs060) for effect in forms))
-    assert model.one_sample.encoded == (False, True, True)
-    motion = wander(rng)
-    ours, theirs = model.start(), model.start()
-    expected, found = by_columns(model, motion, theirs), by_samples(model, motion, ours)
-    np.testing.assert_allclose(found, expected, rtol=1e-9, atol=1e-12)
-    np.testing.assert_allclose(ours.flat, theirs.flat, rtol=1e-12, atol=1e-12)
+    agreed(model, wander(rng), 1e-9)
 
 
 def test_a_searched_power_is_encoded_and_a_second_harmonic_left_to_its_columns(vs060):
