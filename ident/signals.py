@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 import scipy.interpolate
 import scipy.signal
+from numpy.polynomial.legendre import legvander
 
 from ident.arrays import BoolArray, FloatArray
 from ident.causal import CausalButterworth, CausalDerivatives, check_cutoff
@@ -82,22 +83,22 @@ def zero_phase(x: FloatArray, rate: float, cutoff: float, order: int = 3) -> Flo
         return np.full(x.shape, np.nan)
     sections = scipy.signal.butter(order, 2.0 / np.pi * np.arctan(_warped(rate, cutoff, order)), output="sos")
     period = max(2 * (order + 1), _period(rate, cutoff))
-    before, after = _continuation(x[:period][::-1])[::-1], _continuation(x[-period:])
+    before, after = _continuation(x[::-1], period)[::-1], _continuation(x, period)
     padded = np.concatenate([before, x, after])
     filtered: FloatArray = scipy.signal.sosfiltfilt(sections, padded, axis=0, padlen=period)
     return filtered[period:-period]
 
 
-def _continuation(end: FloatArray) -> FloatArray:
-    """Continue the end of a signal for as many rows as it has, by the cubic that fits it best.
+def _continuation(x: FloatArray, rows: int) -> FloatArray:
+    """Continue a signal by some rows, by the quintic that fits twice as many best, the cubic where there are fewer.
 
     A joint that moves at a log's end has an acceleration there; the usual reflection at the end would make it nought.
     """
-    rows = len(end)
-    powers = np.vander(np.arange(2 * rows) / rows, 4)
-    coefficients = np.linalg.lstsq(powers[:rows], end.reshape(rows, -1))[0]
-    continued: FloatArray = powers[rows:] @ coefficients
-    return continued.reshape(end.shape)
+    ends, degree = (2 * rows, 5) if len(x) >= 2 * rows else (rows, 3)
+    powers = legvander(np.linspace(-1.0, 1.0 + 2.0 * rows / (ends - 1), ends + rows), degree)
+    coefficients = np.linalg.lstsq(powers[:ends], x[-ends:].reshape(ends, -1))[0]
+    continued: FloatArray = powers[ends:] @ coefficients
+    return continued.reshape(rows, *x.shape[1:])
 
 
 def zero_phase_gain(hertz: FloatArray, rate: float, cutoff: float, order: int = 3) -> FloatArray:

@@ -102,6 +102,14 @@ def test_zero_phase_motion_has_no_lag(jitter):
     assert motion.t is log.t
 
 
+@pytest.mark.parametrize("rows", [13, 2000])
+def test_motion_that_goes_on_beyond_a_logs_ends_has_its_acceleration_there(rows):
+    log, (_, _, ddq) = sine_log()
+    part = slice(900, 900 + rows)
+    error = np.abs(derive(log[part], CUTOFF).ddq - ddq[part]) / np.abs(ddq).max()
+    assert error.max() < (0.2 if rows < 20 else 0.02)  # too few rows for more than a cubic
+
+
 def test_the_published_mistake_of_four_times_the_cutoff_would_show():
     log, (_, _, ddq) = sine_log(noise=1e-4)
     good = np.std((derive(log, CUTOFF).ddq - ddq)[100:-100])
