@@ -19,6 +19,8 @@ SAMPLES_PER_COLUMN = 3
 ROUNDING = 1e-5  # what a URDF's 1.5708 for pi/2 opens between columns that are dependent (7e-6 seen) is no information
 ROTOR = 1e-3  # share of a rotor's column that must be its own for it to be told from the links'
 ZERO = 1e-9  # coefficient, of unit columns, that is numerical noise
+FARTHEST = 20.0  # [rad or m]; a limit beyond is none
+SPEED, ACCELERATION = 2.0, 10.0  # [rad/s, rad/s^2; m/s, m/s^2], so that links, their turning and gravity weigh alike
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,8 +45,8 @@ def find_base_parameters(rigid_body: RigidBody, joint: int | None = None) -> Bas
 
     Columns are taken from the base outwards, in Pinocchio's order within a link, and kept where those before them
     leave something open. What depends on them is regrouped towards the base, as in the closed forms of Gautier and
-    Khalil (1990). The motion is drawn from the joint limits with a fixed seed, so the answer is always the same; it
-    depends on the mechanism's gravity, which decides what the first joints show. ``W @ pi == W_b @ projection @ pi``
+    Khalil (1990). The motion is drawn within the limits of the angles with a fixed seed, so the answer is always the
+    same; it depends on the mechanism's gravity, which decides what the first joints show. ``W @ pi == W_b @ projection @ pi``
     holds to rounding, that of the URDF's angles where they are written to six figures.
 
     Args:
@@ -97,11 +99,13 @@ def _random_motion(rigid_body: RigidBody) -> tuple[FloatArray, FloatArray]:
     rng = np.random.default_rng(SEED)
     shape = (SAMPLES_PER_COLUMN * 10 * n, n)
     free = np.where(body.prismatic, 1.0, np.pi)  # where the URDF sets no limit: a turn, or a metre either way
-    lower, upper = np.where(np.isinf(body.lower), -free, body.lower), np.where(np.isinf(body.upper), free, body.upper)
-    speed = np.where(np.isinf(body.velocity), 1.0, body.velocity)
+    lower, upper = (
+        np.where(np.abs(limit) > FARTHEST, at, limit) for limit, at in ((body.lower, -free), (body.upper, free))
+    )
     q = rng.uniform(lower, upper, shape)
-    dq = rng.uniform(-speed, speed, shape)
-    ddq = rng.uniform(-5.0 * speed, 5.0 * speed, shape)
+    # Not the URDF's speeds: beside what 1e4 rad/s ask for, written where there is no limit, gravity would be rounding.
+    dq = rng.uniform(-SPEED, SPEED, shape)
+    ddq = rng.uniform(-ACCELERATION, ACCELERATION, shape)
     return rigid_body.regressor(q, dq, ddq), ddq
 
 

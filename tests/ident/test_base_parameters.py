@@ -1,5 +1,7 @@
 """Base parameters: W pi == W_b P pi, on regressors the search never saw."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -49,6 +51,16 @@ def test_numbers_of_base_parameters_are_the_known_ones(urdf_path, arm_joints):
         for name in known
     }
     assert found == known
+
+
+@pytest.mark.parametrize(
+    "limits", [{"velocity": 0.01}, {"velocity": 1e4}, {"velocity": 1e6}, {"lower": -1e16, "upper": 1e16}]
+)
+def test_they_do_not_depend_on_limits_that_are_none(urdf_path, limits):
+    body = Multibody.from_urdf(urdf_path("ur5"))
+    usual, written = RigidBody(body), RigidBody(replace(body, **{k: np.full(body.n, v) for k, v in limits.items()}))
+    for j in (None, *range(body.n)):
+        np.testing.assert_array_equal(usual.base_parameters(j).columns, written.base_parameters(j).columns)
 
 
 def test_a_joint_row_of_a_rounded_urdf_has_no_parameters_of_the_rounding(urdf_path, arm_joints):
