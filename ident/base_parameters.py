@@ -45,9 +45,9 @@ def find_base_parameters(rigid_body: RigidBody, joint: int | None = None) -> Bas
 
     Columns are taken from the base outwards, in Pinocchio's order within a link, and kept where those before them
     leave something open. What depends on them is regrouped towards the base, as in the closed forms of Gautier and
-    Khalil (1990). The motion is drawn within the limits of the angles with a fixed seed, so the answer is always the
-    same; it depends on the mechanism's gravity, which decides what the first joints show. ``W @ pi == W_b @ projection @ pi``
-    holds to rounding, that of the URDF's angles where they are written to six figures.
+    Khalil (1990). The motion is drawn within the limits of the angles with a fixed seed, so the answer is always
+    the same; it depends on the mechanism's gravity, which decides what the first joints show. ``W @ pi == W_b @
+    projection @ pi`` holds to rounding, that of the URDF's angles where they are written to six figures.
 
     Args:
         rigid_body: the mechanism's dynamics.
