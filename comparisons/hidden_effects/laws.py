@@ -155,7 +155,7 @@ def _(s: Scene, j: int, a: float, rng: np.random.Generator) -> tuple[FloatArray,
     heat = np.zeros(len(s.t))
     level, usual = 0.0, s.coulomb[j] + s.viscous[j]  # at 1 rad/s
     for k in range(len(s.t)):
-        level = 0.0 if s.start[k] else level + dt[k] / seconds * (power[k] / usual - level)
+        level += dt[k] / seconds * (power[k] / usual - level)
         heat[k] = level
     a = min(a, 0.7)  # friction is not turned round
     warm = float(power.mean()) / usual

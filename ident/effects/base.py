@@ -143,6 +143,7 @@ class Survey:
         largest: largest force (n,) that a model of the logs gives, in its force unit.
         per_newton_metre: force units per N m of each joint, (n,).
         since: earliest time stamp [s].
+        logged: share of the time between that and the last that the logs cover.
         rate: sampling rate [Hz].
         reach: range (n,) of the joints' positions [rad or m].
         holds: force (n,) that dry friction holds of a joint that stands, in the model's force unit.
@@ -159,6 +160,7 @@ class Survey:
     largest: FloatArray
     per_newton_metre: FloatArray
     since: float
+    logged: float
     rate: float
     reach: FloatArray
     holds: FloatArray

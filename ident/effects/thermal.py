@@ -22,18 +22,23 @@ Heat = TypeVar("Heat", float, FloatArray)
 class ThermalFriction(DirectedEffect):
     """Friction that changes while the grease warms up (Bittencourt and Gunnarsson 2012).
 
-    The joint's heat follows the power that its dry and viscous friction dissipate, with one time constant; a segment
-    starts cold. Dry and viscous friction change with the heat, ever less as it grows: viscosity falls exponentially.
+    The joint's heat follows the power that its dry and viscous friction dissipate, with one time constant. The first
+    log starts cold; before any later segment the joint is taken to have moved as usual for its share of the time since.
+    Dry and viscous friction change with the heat, ever less as it grows: viscosity falls exponentially.
 
     Attributes:
         pace: mean speed [rad/s or m/s] of the joint, which brings the heat to one.
         friction: friction at that speed in force units, against which the share is reported.
         viscous: share of it that is viscous.
+        since: time stamp [s] at which the joint was cold.
+        logged: share of the time since then that logs cover.
     """
 
     pace: float = 1.0
     friction: float = 1.0
     viscous: float = 0.0
+    since: float = 0.0
+    logged: float = 0.0
 
     name = "thermal-friction"
     family = "friction"
@@ -47,7 +52,7 @@ class ThermalFriction(DirectedEffect):
         if joint is None:
             return []
         figures = survey.pace, survey.friction, survey.viscous
-        return [cls.seen(survey, joint, *(float(figure[joint]) for figure in figures))]
+        return [cls.seen(survey, joint, *(float(figure[joint]) for figure in figures), survey.since, survey.logged)]
 
     @property
     def shapes(self) -> tuple[Shape, ...]:
@@ -68,7 +73,9 @@ class ThermalFriction(DirectedEffect):
         velocity = self.velocity(context)
         speed = np.abs(velocity) / max(self.pace, 1e-9)
         power = speed * (1.0 - self.viscous + self.viscous * speed)
-        heat = _heat(np.ascontiguousarray(context.motion.t), np.nan_to_num(power), float(shape[0]), memory)
+        t, seconds = np.ascontiguousarray(context.motion.t), float(shape[0])
+        begun = -self.logged * np.expm1(-max(float(t[0]) - self.since, 0.0) / seconds)
+        heat = _heat(t, np.nan_to_num(power), seconds, begun, memory)
         both = np.stack([self.direction(context, memory[2:]), velocity], axis=1)
         return _change(heat, float(shape[1]))[:, None] * both
 
@@ -85,11 +92,13 @@ def _change(heat: Heat, waning: float) -> Heat:
 
 
 @compiled
-def _heat(t: FloatArray, power: FloatArray, seconds: float, memory: FloatArray) -> FloatArray:
+def _heat(t: FloatArray, power: FloatArray, seconds: float, begun: float, memory: FloatArray) -> FloatArray:
     out = np.empty(len(t))
     heat, last = memory[0], memory[1]
     for k in range(len(t)):
-        if not np.isnan(last):
+        if np.isnan(last):
+            heat = begun
+        else:
             heat += (1.0 - np.exp(-(t[k] - last) / seconds)) * (power[k] - heat)
         last = t[k]
         out[k] = heat

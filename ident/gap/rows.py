@@ -57,6 +57,8 @@ def survey_of(model: CurrentModel, panel: Panel) -> Survey:
             dry[term.effect.at] += term.coefficients[0]
         if isinstance(term.effect, Viscous):
             viscous[term.effect.at] += term.coefficients[0] * speed[:, term.effect.at].mean()
+    stamps = [(float(block.motion.t[0]), float(block.motion.t[-1])) for block in panel.blocks]
+    since, last = min(start for start, _ in stamps), max(end for _, end in stamps)
     return Survey(
         robot,
         smoothing,
@@ -67,7 +69,8 @@ def survey_of(model: CurrentModel, panel: Panel) -> Survey:
         np.clip(viscous / np.maximum(dry + viscous, 1e-12), 0.0, 1.0),
         np.abs(total).max(axis=0),
         _per_newton_metre(model, panel),
-        min(float(block.motion.t[0]) for block in panel.blocks),
+        since,
+        min(sum(end - start for start, end in stamps) / max(last - since, 1e-9), 1.0),
         model.rate,
         np.ptp(position, axis=0),
         _holds(model),

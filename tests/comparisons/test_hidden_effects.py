@@ -165,7 +165,7 @@ def test_laws_are_not_in_the_span_of_the_catalogues_columns(name, rows):
     links = np.tile(maker.parameters, (n, 1))
     context = Context(maker.robot, motion, scene.torque, links, scene.known)
     survey = Survey(maker.robot, np.full(n, 2e-3), np.zeros(n), np.ones(n), np.abs(scene.dq).mean(0), maker.coulomb,
-                    np.zeros(n), np.abs(scene.known).max(0), np.ones(n), 0.0, 100.0,
+                    np.zeros(n), np.abs(scene.known).max(0), np.ones(n), 0.0, 1.0, 100.0,
                     np.ptp(scene.q, axis=0), maker.coulomb, 8.0)  # fmt: skip
     effects = [*kind.candidates(survey, joint), *kind.candidates(survey, None)]
     assert effects

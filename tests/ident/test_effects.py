@@ -14,6 +14,7 @@ from ident.effects.electrical import Cogging
 from ident.effects.friction import Coulomb, LoadFriction, PositionFriction, Stribeck, ViscousNonlinear
 from ident.effects.hysteresis import Backlash, MaxwellSlip
 from ident.effects.rigid_body import CableSpring, Links, RotorInertia
+from ident.effects.thermal import ThermalFriction
 from ident.effects.timing import Delay, FilterLag
 from ident.effects.transmission import CrossJointFriction, Elasticity, GearRipple
 from ident.errors import InputError
@@ -477,3 +478,17 @@ def test_a_filter_delays_a_ramp_by_its_time_constant_at_any_rate(vs060):
         context = Context(vs060, Motion(t, total, total, total), total=total)
         lag = FilterLag(None).columns(context, np.array([20.0]), FilterLag(None).start())[:, 0, 0]
         assert lag[-1] == pytest.approx(-3.0 / (2.0 * np.pi * 20.0), rel=1e-6)
+
+
+@pytest.mark.parametrize("logged", [0.0, 1.0])
+def test_a_joint_is_as_warm_as_a_later_log_says_that_it_moved_before(vs060, logged):
+    t, zeros = np.arange(0.0, 300.0, 0.1), np.zeros((3000, 6))
+    dq = np.full((3000, 6), 0.4)
+    whole = Context(vs060, Motion(1000.0 + t, zeros, dq, zeros), zeros, zeros, zeros)
+    effect = ThermalFriction(1, pace=0.4, since=1000.0, logged=logged)
+    columns, later = (
+        effect.columns(one, np.array([80.0, 1.0]), effect.start()) for one in (whole, part(whole, slice(1000, None)))
+    )
+    np.testing.assert_array_equal(columns[0], 0.0)  # the first is cold
+    expected = columns[1000:] if logged else columns[:2000]
+    np.testing.assert_allclose(later, expected, rtol=1e-9, atol=1e-12)
