@@ -24,7 +24,8 @@ SHARE = 0.85
 """Share of what the best effects of single joints explain, together, that one cause of the whole robot must."""
 
 MAJORITY = 2.0 / 3.0
-"""Share of the joints that lack something on which it must explain that much, if not on all together."""
+"""Share of the joints that lack something on which it must explain that much, if not on all together; and, of all that
+it explains, share on joints where it leaves next to nothing, if it must: others may lack more."""
 
 ALONE = 0.8
 """Share of the gain in likelihood from which a cause shows on one joint alone: else others bear it out."""
@@ -88,7 +89,7 @@ def whole_effect(
         survey: facts about the logs.
         searches: every joint's search.
         present: causes of the whole robot that are known.
-        last: whether it must leave next to nothing, since all that joints have of their own is known.
+        last: whether it must leave next to nothing where it explains most: what joints have of their own is known.
         instead: an effect of one joint that the searches leave out. Of its own kind (a delay of one joint, or of all)
             a cause of the whole robot need only explain more in all than that on its joint: the others bear it out.
     """
@@ -121,7 +122,8 @@ def whole_effect(
         else:
             shown = _rivals(likelihoods, single, affected)
         if shown and (alone or last):
-            shown = all(_exhausts(panel, survey, problems[j], best, j) for j in helped.tolist())
+            told = [likelihoods[j] for j in helped.tolist() if _exhausts(panel, survey, problems[j], best, j)]
+            shown = bool(sum(told) >= MAJORITY * likelihoods[helped].sum())
         # Play is there where the load changes sides, which slow motion need not do.
         if not shown or not (best.effect.family == "hysteresis" or _at_any_pace(panel, problems, best)):
             continue
