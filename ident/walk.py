@@ -21,8 +21,8 @@ SEARCH_ROWS = 60_000
 MARGIN_PERIODS = 6.0
 """Periods of the cut-off kept on either side of a block, after which a zero-phase filter has forgotten its ends."""
 
-EDGE_PERIODS = 1.0
-"""Periods of the cut-off at a segment's ends in which zero-phase filters still lean on their padding."""
+EDGE_PERIODS = 0.5
+"""Periods of the cut-off at a segment's ends in which a zero-phase filter still leans on its padding."""
 
 
 @dataclass(frozen=True)

@@ -18,7 +18,7 @@ from ident.model import CurrentModel
 
 @dataclass(frozen=True, eq=False)
 class Evidence:
-    """RMS errors on test logs, away from their segments' ends, in the current's unit.
+    """RMS errors on test logs, in the current's unit.
 
     Attributes:
         steps: (n,) for the model before, then with one finding more each, to the model with all of them.
@@ -55,8 +55,7 @@ def evidence(models: Sequence[CurrentModel], test: Sequence[LogSource], rests: R
         for k, model in enumerate(models):
             for block, predicted in model.predict_walk(source):
                 left = block.log.current - predicted
-                # At a log's ends derivatives lean on what is not known, and drives are switched on and off.
-                known = np.repeat((block.keep & np.isfinite(left).all(axis=1))[:, None], n, axis=1)
+                known = np.repeat(np.isfinite(left).all(axis=1, keepdims=True), n, axis=1)
                 moving = known if rests is None else known & rests.counts(block)
                 for part, rows in enumerate((known, moving)):
                     sums[k, part] += np.sum(np.where(rows, left, 0.0) ** 2, axis=0)

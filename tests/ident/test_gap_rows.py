@@ -7,7 +7,6 @@ from planar_arm import logs, record
 
 from ident.effects.attached import Payload
 from ident.gap import baseline_model
-from ident.gap.evidence import evidence
 from ident.gap.rows import FOLDS, held_of, panel_of
 
 
@@ -39,14 +38,3 @@ def test_a_force_that_is_known_but_for_a_factor_is_taken_away_as_much_as_there_i
     for scale, share in (((1.0, 1.0), -0.1), ((0.7, 0.7), 0.0)):
         left = gap.knowing(panel, Payload(None, scale), force).target
         assert np.linalg.norm(left - share * force) < 1e-6 * np.linalg.norm(force)
-
-
-def test_what_drives_do_as_they_are_switched_on_and_off_is_not_looked_at(arm):
-    log = record(arm, 1)
-    current = log.current.copy()
-    ends = np.minimum(log.t - log.t[0], log.t[-1] - log.t) < 0.05
-    current[ends] += 100.0
-    switched = replace(log, current=current)
-    model = baseline_model(arm, [log])
-    np.testing.assert_allclose(evidence([model], [switched]).after, evidence([model], [log]).after)
-    np.testing.assert_array_equal(panel_of(model, [switched]).force, panel_of(model, [log]).force)
