@@ -74,8 +74,7 @@ class ThermalFriction(DirectedEffect):
         speed = np.abs(velocity) / max(self.pace, 1e-9)
         power = speed * (1.0 - self.viscous + self.viscous * speed)
         t, seconds = np.ascontiguousarray(context.motion.t), float(shape[0])
-        begun = -self.logged * np.expm1(-max(float(t[0]) - self.since, 0.0) / seconds)
-        heat = _heat(t, np.nan_to_num(power), seconds, begun, memory)
+        heat = _heat(t, np.nan_to_num(power), seconds, self.since, self.logged, memory)
         both = np.stack([self.direction(context, memory[2:]), velocity], axis=1)
         return _change(heat, float(shape[1]))[:, None] * both
 
@@ -92,12 +91,14 @@ def _change(heat: Heat, waning: float) -> Heat:
 
 
 @compiled
-def _heat(t: FloatArray, power: FloatArray, seconds: float, begun: float, memory: FloatArray) -> FloatArray:
+def _heat(
+    t: FloatArray, power: FloatArray, seconds: float, since: float, logged: float, memory: FloatArray
+) -> FloatArray:
     out = np.empty(len(t))
     heat, last = memory[0], memory[1]
     for k in range(len(t)):
         if np.isnan(last):
-            heat = begun
+            heat = -logged * np.expm1(-max(t[k] - since, 0.0) / seconds)
         else:
             heat += (1.0 - np.exp(-(t[k] - last) / seconds)) * (power[k] - heat)
         last = t[k]

@@ -107,7 +107,7 @@ def test_rests_that_remember_where_the_joint_came_from_count(arm):
     def kept(q, dq, stands):
         # Dahl's law instead of the sign of velocity: at rest it stays.
         z = np.zeros(len(q))
-        for k, step in enumerate(np.diff(q[:, 1]) / 1.5e-3, start=1):
+        for k, step in enumerate(np.diff(q[:, 1]) / 1e-3, start=1):
             z[k] = np.sign(step) + (z[k - 1] - np.sign(step)) * np.exp(-abs(step))
         return DRY[1] * (z - np.where(stands, 0.0, np.tanh(dq[:, 1] / 2e-3)))
 
