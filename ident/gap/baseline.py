@@ -22,11 +22,15 @@ STEP = 0.7
 """What the cut-off is multiplied by, again and again, while the model predicts better with it."""
 
 WORTH = 0.05
-"""Share by which a step, or velocities from positions, must lower joints' mean squared error: short logs that repeat a
-motion flatter filters."""
+"""Share by which a step must lower joints' mean squared error: down, all joints' on average, as velocities from
+positions must, for short logs that repeat a motion flatter filters; up, any joint's."""
 
 ROWS_KEPT = 0.95
 """Share of the rows that a lower cut-off must leave: a filter needs more of a segment, the lower it is."""
+
+ENDS = 2.0
+"""Periods, at logs' ends, of the cut-off that the search begins with that tell nothing of it: there the filter leans
+on what it takes for the positions before and after."""
 
 HIGHEST = 0.4
 """Cut-off at most, times the sampling rate."""
@@ -91,7 +95,7 @@ def foreseen(model: CurrentModel, train: Sequence[LogSource], choose: bool, yiel
     """
     model, rests = _directed(model, train) if yields else (model, find_rests(model, train))
     logged = any(block.dq is not None for source in train for block in itertools.islice(source.blocks(2), 1))
-    logs = _Logs(train, logged, rests)
+    logs = _Logs(train, logged, rests, ENDS / model.cutoff)
     best = _best_velocities(model, logs)
     if choose:
         lower = _followed(best, STEP, logs)
@@ -115,11 +119,12 @@ def _directed(model: CurrentModel, train: Sequence[LogSource]) -> tuple[CurrentM
 
 @dataclass(frozen=True, eq=False)
 class _Logs:
-    """Logs, whether they have velocities, and which joints' rests are left out."""
+    """Logs, whether they have velocities, which joints' rests are left out, and how many seconds at their ends."""
 
     sources: Sequence[LogSource]
     logged: bool
     rests: Rests
+    ends: float
 
 
 def _followed(best: Smoothed, factor: float, logs: _Logs) -> Smoothed:
@@ -139,15 +144,16 @@ def _better(best: Smoothed, factor: float, logs: _Logs) -> Smoothed | None:
         if cutoff >= HIGHEST * best.model.rate:
             break
         other = _best_velocities(replace(best.model, cutoff=cutoff), logs)
-        if other.error <= best.error - steps * WORTH * best.model.n and other.rows >= ROWS_KEPT * best.rows:
+        least = steps * WORTH * (best.model.n if factor < 1.0 else 1)
+        if other.error <= best.error - least and other.rows >= ROWS_KEPT * best.rows:
             return other
     return None
 
 
 def _best_velocities(model: CurrentModel, logs: _Logs) -> Smoothed:
     """The model with velocities as logged or, where it predicts that much better with them, from positions."""
-    best = smoothed(replace(model, positions_only=False), logs.sources, logs.rests)
+    best = smoothed(replace(model, positions_only=False), logs.sources, logs.rests, logs.ends)
     if not logs.logged:
         return best
-    other = smoothed(replace(model, positions_only=True), logs.sources, logs.rests)
+    other = smoothed(replace(model, positions_only=True), logs.sources, logs.rests, logs.ends)
     return other if other.error <= best.error - WORTH * model.n else best

@@ -76,8 +76,11 @@ class JointGap:
         """The same with the columns of a sign that turns otherwise, of a joint that sticks, among the nuisance."""
         if self.edge is None:
             return self
-        matrix = np.hstack([self.matrix, self.edge])
-        return replace(self, matrix=matrix, nuisance=self.nuisance + self.edge.shape[1], edge=None)
+        return replace(self.beside(self.edge), edge=None)
+
+    def beside(self, columns: FloatArray) -> JointGap:
+        """The same with columns (N, k) that stand for nothing that the model will have among the nuisance."""
+        return replace(self, matrix=np.hstack([self.matrix, columns]), nuisance=self.nuisance + columns.shape[1])
 
     def without(self, rows: BoolArray) -> JointGap:
         """The same with some rows (N,) left out."""

@@ -13,6 +13,7 @@ import numpy.typing as npt
 from ident.arrays import FloatArray, IntArray
 from ident.effects.base import Context, Effect
 from ident.effects.friction import DirectedEffect
+from ident.gap.cut_away import cut_away
 from ident.gap.jolts import jolts
 from ident.model import CurrentModel
 from ident.robot import Robot
@@ -61,6 +62,11 @@ class Panel:
     def jolted(self) -> FloatArray:
         """Squared residual (n,) a row that this noise may make."""
         return np.asarray(WHITE * self.jolts**2)
+
+    @cached_property
+    def cut_away(self) -> FloatArray:
+        """Columns (N, n, 4) by which each joint's force may differ for what the filter cuts away of the motion."""
+        return cut_away(self.model, self.blocks, self.rows)
 
     def seen_by(self, model: CurrentModel) -> Panel:
         """The same rows with what effects see of them under another model."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
@@ -12,7 +12,7 @@ from scipy.optimize import lsq_linear
 from ident.arrays import FloatArray
 from ident.effects.base import Effect, Survey
 from ident.gap.agreement import AGREES, Predicted, agrees, agrees_at_any_pace
-from ident.gap.candidates import Trial, admissible, best_trials, forms
+from ident.gap.candidates import Trial, admissible, best_trials, coefficients, forms
 from ident.gap.gate import MOVING, Gate
 from ident.gap.joint_gap import JointGap, Named, classes_of, gate_of, nested_errors
 from ident.gap.panel import Panel
@@ -130,9 +130,28 @@ class Beside:
         return self.problem.drop(alone) < ITSELF * self.problem.drop(columns)
 
     def _shrinks(self, panel: Panel, trial: Trial) -> bool:
-        """Whether the model gains by the effect as well as it will be delivered, and if its sign turns otherwise."""
+        """Whether the model gains by the effect as well as it will be delivered, and if its sign turns otherwise.
+
+        A law that softens force must explain enough beside what the filter cuts away, too.
+        """
+        if trial.effect.softens and not self.gains_by(panel, self.force(panel, trial)):
+            return False
         others = [gap for gap in (self.gap.bare(), self.gap.edged()) if gap.matrix.shape != self.gap.matrix.shape]
         return all(self._gains_in(panel, gap, trial) for gap in others)
+
+    def force(self, panel: Panel, trial: Trial) -> FloatArray:
+        """What a candidate adds to the joint's rows, (N,)."""
+        added: FloatArray = panel.columns(trial.effect, trial.shape, self.joint) @ coefficients(
+            panel, self.problem, trial, self.joint
+        )
+        return added
+
+    def gains_by(self, panel: Panel, force: FloatArray) -> bool:
+        """Whether a force (N,) in the joint's rows explains enough beside what the filter cuts away, too."""
+        gap, named = self.gap.beside(panel.cut_away[:, self.joint]), [n.trial for n in self.named]
+        without = replace(gap, target=gap.target - force)
+        before, after = (one.problem(panel, named).errors().total for one in (gap, without))
+        return gain(before, after) > GAIN
 
     def _gains_in(self, panel: Panel, gap: JointGap, trial: Trial) -> bool:
         problem = gap.problem(panel, [n.trial for n in self.named])

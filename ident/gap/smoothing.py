@@ -16,12 +16,16 @@ from ident.gap.rests import Rests
 from ident.gap.rows import gap_of, panel_of
 from ident.log import LogSource
 from ident.model import CurrentModel
+from ident.walk import Block
 
 SMOOTHINGS = np.geomspace(3e-4, 1e-2, 12)
 """Speeds [rad/s or m/s] over which the sign of velocity may turn; beyond, it is an effect of its own (sigmoid)."""
 
 TOLD = 0.05
 """Share by which a joint's mean squared error in motion must be larger with another smoothing for motion to tell."""
+
+MOST_ROWS = 0.9
+"""Share of the rows that must be left without logs' ends."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,19 +40,29 @@ class Smoothed:
     rows: int
 
 
-def smoothed(model: CurrentModel, sources: Sequence[LogSource], rests: Rests) -> Smoothed:
+def smoothed(model: CurrentModel, sources: Sequence[LogSource], rests: Rests, ends: float) -> Smoothed:
     """Let a model's directions turn as predicts logs best; nothing else is fitted again.
 
     Args:
         model: the model.
         sources: the logs.
         rests: which joints' rests are left out.
+        ends: seconds at the ends of logs that are left out, unless they would leave too few rows.
     """
     panel = panel_of(model, sources)
     counts = panel.gather(rests.counts)
+    inside = panel.gather(lambda block: _inside(block, ends))
+    if inside.mean() > MOST_ROWS:
+        counts &= inside[:, None]
     found = [_turning(model, panel, counts[:, j], j) for j in range(model.n)]
     turned = with_directions(model, {j: friction for j, (friction, _) in enumerate(found)})
     return Smoothed(turned, float(np.sum(np.log([error for _, error in found]))), len(panel))
+
+
+def _inside(block: Block, ends: float) -> BoolArray:
+    """Rows (N,) of a block that are so many seconds from its ends."""
+    t = block.motion.t
+    return np.asarray((t >= t[0] + ends) & (t <= t[-1] - ends))
 
 
 def _turning(model: CurrentModel, panel: Panel, counts: BoolArray, joint: int) -> tuple[Coulomb | None, float]:

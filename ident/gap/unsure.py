@@ -11,10 +11,11 @@ from ident.arrays import BoolArray, FloatArray
 from ident.effects.base import Survey
 from ident.effects.friction import Coulomb
 from ident.gap.counts import encoder_counts
+from ident.gap.cut_away import filtered_again
 from ident.gap.panel import Panel
 from ident.gap.sensor_noise import around_square, removed_square, velocities_used
 from ident.model import CurrentModel
-from ident.signals import Motion, derivative_noise, derive
+from ident.signals import derivative_noise
 from ident.walk import Block
 
 TURNED = 3.0
@@ -71,7 +72,7 @@ def shaken(model: CurrentModel, panel: Panel, survey: Survey) -> FloatArray:
 
 def mistimed(model: CurrentModel, panel: Panel, survey: Survey) -> FloatArray:
     """The same (N, n) with what the filter smears: where a joint starts at once it seems to start before."""
-    again = {id(block): _filtered_again(model, block) for block in panel.blocks}
+    again = {id(block): filtered_again(model, block, block.motion) for block in panel.blocks}
 
     def smeared(block: Block, which: str) -> FloatArray:
         return smear(model, block, getattr(block.motion, which) - getattr(again[id(block)], which))
@@ -96,10 +97,6 @@ def _bent(
     if by_place.any():
         turned[:, by_place] = panel.gather(of_position)[:, by_place] / survey.presliding[by_place]
     return dry * turned
-
-
-def _filtered_again(model: CurrentModel, block: Block) -> Motion:
-    return derive(block.log.replace(q=block.motion.q, dq=None, ddq=None), model.cutoff)
 
 
 def smear(model: CurrentModel, block: Block, taken: FloatArray) -> FloatArray:

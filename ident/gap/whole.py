@@ -107,6 +107,9 @@ def whole_effect(
         after = best.held_out.sum(axis=1)
         gains = _gains(squares, after)
         helped = np.flatnonzero((gains > GAIN) & (squares - after > noise * best.effect.softens))
+        if best.effect.softens:
+            beyond = [searches[j].gains_by(panel, columns_of(panel, best, j)) for j in helped.tolist()]
+            helped = helped[np.array(beyond, dtype=bool)]
         # In every fold the joints together must gain: where some move little, others bear it out.
         repeats = falls(np.log(np.maximum(before, TINY) / np.maximum(best.held_out, TINY)).sum(axis=0))
         if len(helped) == 0 or gains.min() < -GAIN or not repeats:
