@@ -19,6 +19,7 @@ from ident.walk import walk
 DRIVE_COLUMNS = ("rotor-inertia", "viscous", "coulomb")
 STANDSTILL = 0.02  # share of the velocity limit over which the sign of the velocity turns
 SAMPLES = 1000
+FASTEST = 10.0  # [rad/s; m/s]; beside motion at 1e4, which URDFs write for no limit, gravity would be rounding
 CUTOFF_ROWS = 60_000  # of a log from which the cut-off of its filter is chosen
 SEED = 0
 ROUNDING = 1e-5
@@ -48,7 +49,7 @@ class Information:
     ) -> None:
         self.robot = robot
         self.drives = drives
-        self.standstill = STANDSTILL * robot.limits.velocity
+        self.standstill = STANDSTILL * _speed(robot)
         base = robot.rigid_body.base_parameters()
         self._base = base.columns
         names = [*base.names, *(f"{kind}{joint + 1}" for kind in drives for joint in range(robot.n))]
@@ -135,9 +136,14 @@ class Information:
         return rows
 
 
+def _speed(robot: Robot) -> FloatArray:
+    """Speed (n,) to which scales refer."""
+    return np.minimum(robot.limits.velocity, FASTEST)
+
+
 def _random_motion(robot: Robot, span: FloatArray) -> Motion:
     rng = np.random.default_rng(SEED)
-    shape, speed = (SAMPLES, robot.n), robot.limits.velocity
+    shape, speed = (SAMPLES, robot.n), _speed(robot)
     surge = np.where(np.isfinite(robot.limits.acceleration), robot.limits.acceleration, 5.0 * speed)
     q, dq, ddq = (rng.uniform(low, high, shape) for low, high in ((span[0], span[1]), (-speed, speed), (-surge, surge)))
     return Motion(np.arange(float(SAMPLES)), q, 0.5 * dq, 0.5 * ddq)

@@ -20,6 +20,7 @@ from ident.excitation.clearance import ClearanceModel
 from ident.excitation.design import Designer, Request
 from ident.excitation.fourier import FourierFamily, Trajectory
 from ident.excitation.geometry import ArmGeometry, Surroundings
+from ident.excitation.information import Information
 from ident.excitation.limits import MotionLimits, Shares, TorquePrior
 from ident.excitation.output import check_rate, write_joint_trajectory, write_table
 from ident.excitation.spheres import gap
@@ -348,3 +349,15 @@ def test_waypoints_come_back(designer: Designer, rng: np.random.Generator, tmp_p
         np.testing.assert_allclose([p[key] for p in message["points"]], values, atol=1e-9)
     with pytest.raises(InputError, match="rate of 2 Hz"):
         check_rate(designer.family, 2.0)
+
+
+def test_parameters_are_scaled_by_plausible_motion_where_a_urdf_has_no_limits() -> None:
+    robot = load_robot("vs060")
+    scales = []
+    for speed in (1e4, 1e6):
+        limits = dataclasses.replace(
+            robot.limits, velocity=np.full(robot.n, speed), acceleration=np.full(robot.n, np.inf)
+        )
+        fast = dataclasses.replace(robot, limits=limits)
+        scales.append(Information(fast, np.stack([limits.lower, limits.upper])).scale)
+    np.testing.assert_allclose(*scales)
