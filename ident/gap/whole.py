@@ -24,8 +24,10 @@ SHARE = 0.85
 """Share of what the best effects of single joints explain, together, that one cause of the whole robot must."""
 
 MAJORITY = 2.0 / 3.0
-"""Share of the joints that lack something on which it must explain that much, if not on all together; and, of all that
-it explains, share on joints where it leaves next to nothing, if it must: others may lack more."""
+"""Share of the joints that lack something on which it must explain that much, if not on all together."""
+
+SETTLED = 2.0 / 3.0
+"""Share of what it explains that must be where it leaves next to nothing, if it must: other joints may lack more."""
 
 ALONE = 0.8
 """Share of the gain in likelihood from which a cause shows on one joint alone: else others bear it out."""
@@ -126,7 +128,7 @@ def whole_effect(
             shown = _rivals(likelihoods, single, affected)
         if shown and (alone or last):
             told = [likelihoods[j] for j in helped.tolist() if _exhausts(panel, survey, problems[j], best, j)]
-            shown = bool(sum(told) >= MAJORITY * likelihoods[helped].sum())
+            shown = bool(sum(told) >= SETTLED * likelihoods[helped].sum())
         # Play is there where the load changes sides, which slow motion need not do.
         if not shown or not (best.effect.family == "hysteresis" or _at_any_pace(panel, problems, best)):
             continue
