@@ -7,7 +7,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from ident.arrays import BoolArray, FloatArray
+from ident.arrays import BoolArray, FloatArray, IntArray
 from ident.effects.base import Effect, Survey
 from ident.gap.abstain import explainable
 from ident.gap.agreement import IN_TIME, Predicted, agrees_at_any_pace
@@ -101,20 +101,15 @@ def whole_effect(
     best_single = np.minimum(squares, [s.best_error for s in searches])
     single = _likelihoods(problems, squares, best_single)
     affected = _gains(squares, best_single) > GAIN
-    noise = panel.jolted * [len(p) for p in problems]
     candidates = forms(survey, None, present)
     tried = in_threads(lambda e: _try(panel, problems, e, _starts(panel, searches, e), before), candidates)
     ranking = _ranked([w for w in tried if w is not None])
     for best in ranking:
         after = best.held_out.sum(axis=1)
         gains = _gains(squares, after)
-        helped = np.flatnonzero((gains > GAIN) & (squares - after > noise * best.effect.softens))
-        if best.effect.softens:
-            beyond = [searches[j].gains_by(panel, columns_of(panel, best, j)) for j in helped.tolist()]
-            helped = helped[np.array(beyond, dtype=bool)]
         # In every fold the joints together must gain: where some move little, others bear it out.
         repeats = falls(np.log(np.maximum(before, TINY) / np.maximum(best.held_out, TINY)).sum(axis=0))
-        if len(helped) == 0 or gains.min() < -GAIN or not repeats:
+        if gains.min() < -GAIN or not repeats or len(helped := _helped(panel, searches, best, squares, after)) == 0:
             continue
         likelihoods = _likelihoods(problems, squares, after)
         one = helped[0]
@@ -152,6 +147,19 @@ def _ranked(tried: Sequence[Whole]) -> tuple[Whole, ...]:
         if close and second.likelihood > first.likelihood:
             ranking[k : k + 2] = second, first
     return tuple(ranking)
+
+
+def _helped(panel: Panel, searches: Sequence[Search], whole: Whole, squares: FloatArray, after: FloatArray) -> IntArray:
+    """Joints on which it lowers squared residuals (n,) by enough.
+
+    What softens force must do so beside noise of the accelerations and what the filter cuts away of them, too.
+    """
+    enough = _gains(squares, after) > GAIN
+    if whole.effect.softens:
+        enough &= squares - after > panel.jolted * [len(search.problem) for search in searches]
+        for j in np.flatnonzero(enough).tolist():
+            enough[j] = searches[j].gains_by(panel, columns_of(panel, whole, j))
+    return np.flatnonzero(enough)
 
 
 def _at_any_pace(panel: Panel, problems: Sequence[JointProblem], whole: Whole) -> bool:
