@@ -2,16 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-
 import numpy as np
 
 from ident.arrays import FloatArray
-from ident.effects.base import Survey, Term, initial_term
+from ident.effects.base import Term, initial_term
 from ident.effects.electrical import DriveGain, TorqueSaturation
-from ident.gap.joint_gap import JointGap
 from ident.gap.panel import Panel
 from ident.gap.rows import left_by
+from ident.gap.subject import Subject
 from ident.model import NEWTON_METRE, CurrentModel
 
 CONTRADICTS = 1.1
@@ -34,24 +32,16 @@ SATURATES = 1.1
 """How many times as much iron that saturates may account for: links bend to it, and others' gains with them."""
 
 
-def wrong_gain(
-    model: CurrentModel,
-    panel: Panel,
-    survey: Survey,
-    gaps: Sequence[JointGap],
-    fitted: Callable[[CurrentModel, Sequence[Term]], CurrentModel],
-) -> Term | None:
+def wrong_gain(subject: Subject) -> Term | None:
     """Find the joint whose gain, taken for known, the others' rows say to be another.
 
-    Where gains are known all rows share their links. A wrong one scales what its joint says of them.
+    Where gains are known all rows share their links. A wrong one scales what its joint says of them, whose own links
+    are fitted to its rows alone.
 
     Args:
-        model: fitted to all rows together.
-        panel: the rows, as that model sees them.
-        survey: facts about them.
-        gaps: each joint's rows, whose links are fitted to them alone.
-        fitted: fits a model again with further terms.
+        subject: a model fitted to all rows together, and the rows.
     """
+    model, panel, gaps = subject.model, subject.panel, subject.gaps
     if model.force_unit != NEWTON_METRE or model.n < 2:
         return None
     own = np.array([float(np.mean(p.residual**2)) for p in (gap.bare().problem(panel) for gap in gaps)])
@@ -64,7 +54,7 @@ def wrong_gain(
 
     def fallen(effect: DriveGain | TorqueSaturation) -> tuple[Term, FloatArray]:
         """An effect fitted besides, and by how much the contradictions are smaller with it."""
-        beside = fitted(model, [initial_term(effect)])
+        beside = subject.fitted(model, [initial_term(effect)])
         return beside.terms[-1], before - contradiction(beside, panel.seen_by(beside))
 
     before = contradiction(model, panel)
@@ -83,5 +73,5 @@ def wrong_gain(
         return None
     if np.sum(totals >= UNDECIDED * most) > 1:
         return None
-    iron = (fallen(TorqueSaturation(j, float(survey.largest[j])))[1].sum() for j in suspects)
+    iron = (fallen(TorqueSaturation(j, float(subject.survey.largest[j])))[1].sum() for j in suspects)
     return None if any(other > SATURATES * most for other in iron) else gain

@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from ident.arrays import FloatArray
+from ident.gap.baseline import WORTH
+from ident.gap.rows import left_by, panel_of
 from ident.log import LogSource, PositionsOnly
+from ident.model import CurrentModel
 from ident.walk import walk
 
 LEAST = 2e-3
@@ -48,3 +51,20 @@ def velocity_lag(sources: Sequence[LogSource], cutoff: float) -> VelocityLag | N
     middle = float(np.median(lags))
     spread = float(np.median(np.abs(lags - middle))) * 1.4826
     return VelocityLag(middle, lags) if middle > max(LEAST, AGREEMENT * spread) else None
+
+
+def new_lag(model: CurrentModel, sources: Sequence[LogSource], refit: bool) -> VelocityLag | None:
+    """The lag of logged velocities for which a model does better on positions alone, if there is any.
+
+    That of a model held fixed is new only if its own logs had none: positions must suit it better now.
+    """
+    lag = velocity_lag(sources, model.cutoff)
+    return lag if lag is not None and (refit or _lags_more(model, sources)) else None
+
+
+def _lags_more(model: CurrentModel, sources: Sequence[LogSource]) -> bool:
+    """Whether velocities lag now and did not when a model held fixed was identified: positions suit it better."""
+    models = [replace(model, positions_only=only) for only in (False, True)]
+    left = [left_by(model, panel_of(model, sources)) for model in models]
+    logged, derived = (float(np.sum(np.log(np.maximum(np.mean(x**2, axis=0), 1e-300)))) for x in left)
+    return not model.positions_only and derived <= logged - WORTH * model.n

@@ -28,7 +28,8 @@ def wrong_gain(monkeypatch, rms, excess=0.1):
         found = (replace(term, coefficients=np.array([excess])) for term in terms)
         return SimpleNamespace(terms=(*model.terms, *found))
 
-    gain = torque_constant.wrong_gain(model, panel, survey, gaps, fitted)
+    subject = SimpleNamespace(model=model, panel=panel, survey=survey, gaps=gaps, fitted=fitted)
+    gain = torque_constant.wrong_gain(subject)
     return None if gain is None else gain.effect.joint
 
 

@@ -1,0 +1,215 @@
+"""Steps 6, 8 and 9: causes become findings, with alternatives, the next experiment and what they do to the gap."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from itertools import chain
+
+import numpy as np
+
+from ident.arrays import FloatArray
+from ident.cautions import reach_warnings, sign_warnings, still_joints, still_warnings
+from ident.effects.base import Effect, Term
+from ident.gap.belief import unexplained
+from ident.gap.candidates import Trial, coefficients
+from ident.gap.evidence import evidence, negative_control
+from ident.gap.experiment import Experiment, Joined, Question, separating, with_motion
+from ident.gap.joint_gap import JointGap, Named
+from ident.gap.localise import gap_map
+from ident.gap.naming import Causes
+from ident.gap.panel import Panel
+from ident.gap.preflight import untestable
+from ident.gap.report import Finding, GapReport, Unexplained
+from ident.gap.rows import left_by
+from ident.gap.settle import alternatives, next_experiment
+from ident.gap.subject import Subject
+from ident.gap.threads import in_threads
+from ident.gap.touch import Touches
+from ident.gap.unsure import mistimed, turning
+from ident.gap.velocity_lag import VelocityLag
+from ident.gap.whole import Whole, columns_of
+from ident.log import JointLog, LogSource
+from ident.model import CurrentModel
+
+SURE = 1e-6
+"""Least p-value that is stated."""
+
+
+@dataclass(frozen=True, eq=False)
+class Start:
+    """Where the search began, and what was found before any other effect was tried: velocities that lag, gains.
+
+    Attributes:
+        model: the model before anything was found.
+        lag: of the logged velocities, which the subject's model does without.
+        known: how many terms the model had before its gains were found wrong.
+    """
+
+    model: CurrentModel
+    lag: VelocityLag | None
+    known: int
+
+
+@dataclass(eq=False)
+class Reporter:
+    """Writes the report on what was named.
+
+    Attributes:
+        subject: the model and its rows.
+        start: where the search began.
+        test: logs to show findings on.
+        motions: commanded motions by name, among which the one is sought that would separate names.
+        tell: told the share of it that is done.
+    """
+
+    subject: Subject
+    start: Start
+    test: Sequence[LogSource]
+    motions: Mapping[str, JointLog]
+    tell: Callable[[float], None]
+
+    def report(self, causes: Causes, contacts: Sequence[Touches]) -> GapReport:
+        """Write the report on causes that were named and contact that was cut out."""
+        self.tell(0.0)
+        subject, panel, survey = self.subject, self.subject.panel, self.subject.survey
+        findings = [self._whole_finding(w, causes.gaps[w.joint], causes.named[w.joint]) for w in causes.wholes]
+        nameless: list[Unexplained] = []
+        errors = mistimed(subject.model, panel, survey)
+        before, after = (np.full((len(panel), subject.model.n), np.nan) for _ in range(2))
+        problems = []
+        for gap, names, doubted in zip(causes.gaps, causes.named, causes.doubted, strict=True):
+            # Before causes of the whole robot were taken away.
+            plain = replace(gap, target=subject.gaps[gap.joint].target).problem(panel)
+            full = gap.problem(panel, [n.trial for n in names])
+            problems.append(plain)
+            before[plain.keep, gap.joint], after[full.keep, gap.joint] = plain.residual, full.residual
+            findings += [self._joint_finding(gap, names, one, plain.errors().total) for one in names]
+            nameless += unexplained(panel, survey, gap, names, doubted, errors[:, gap.joint])
+        if len(subject.model.terms) > self.start.known:
+            # Rows fitted one joint at a time bend their links to a wrong gain: only those that all share show it.
+            before = np.where(np.isnan(before), np.nan, left_by(self.start.model, panel.seen_by(self.start.model)))
+        if contacts:
+            findings.append(_contact(contacts))
+        findings.sort(key=lambda f: -f.explained)
+        self.tell(0.6)
+        missing = untestable(panel, survey, causes.gaps, problems)
+        terms = [finding.terms for finding in findings]
+        models = in_threads(
+            lambda k: subject.fitted(subject.model, list(chain(*terms[: k + 1]))), range(len(terms))
+        )  # fmt: skip
+        if models:
+            findings = _delivered(findings, models[-1], len(subject.model.terms))
+        first, found_first = self._found_first()
+        findings, models = [*first, *findings], [*found_first, *models]
+        shown = evidence([self.start.model, *models], self.test, subject.rests) if self.test else None
+        model = models[-1] if models else subject.model
+        maps = [gap_map(panel, survey, r) for r in (before, after)]
+        self.tell(1.0)
+        return GapReport(
+            self.start.model, model, tuple(findings), tuple(nameless), tuple(missing), maps[0], maps[1],
+            panel, survey, (before, after), causes.p_values, shown, subject.rests.joints, self._warnings(),
+        )  # fmt: skip
+
+    def _found_first(self) -> tuple[list[Finding], list[CurrentModel]]:
+        """What was found before any other effect was tried, and the model with each."""
+        model, known, lag = self.subject.model, self.start.known, self.start.lag
+        plain, gains = replace(model, terms=model.terms[:known]), model.terms[known:]
+        findings = []
+        if lag is not None:
+            findings.append(Finding("delay", "timing", (), {"seconds": lag.seconds}, SURE, (), None, (), np.inf))
+        for gain in gains:
+            effect = gain.effect
+            figures = effect.summary(model.robot, gain.shape, gain.coefficients)
+            findings.append(Finding(effect.name, effect.family, (effect.at,), figures, SURE, (), None, (gain,), np.inf))
+        steps = range(0 if lag is not None else 1, len(gains) + 1)
+        return findings, [model if k == len(gains) else self.subject.fitted(plain, gains[:k]) for k in steps]
+
+    def _warnings(self) -> tuple[str, ...]:
+        """What the user should look at: joints that stand still, flipped signs, test logs that go further."""
+        model, held = self.subject.model, self.subject.panel.blocks
+        return (
+            *sign_warnings(self.start.model, held),
+            *still_warnings(model.robot, still_joints(held)),
+            *reach_warnings(model.robot, self.subject.train, self.test, model.cutoff),
+        )
+
+    def _whole_finding(self, whole: Whole, gap: JointGap, named: Sequence[Named]) -> Finding:
+        """A cause of the whole robot and the joint that shows most of it; its figures are yet to come."""
+        effect = whole.effect
+        own = replace(gap, target=gap.target + columns_of(self.subject.panel, whole, gap.joint))
+        besides, one = [n.trial for n in named], Trial(effect, whole.shape, 0.0)
+        experiments = {name: self._experiment(own, one, other, besides) for name, other in whole.alternatives.items()}
+        joints = () if effect.joint is None else (effect.joint,)
+        return Finding(
+            effect.name, effect.family, joints, {}, whole.p_value, tuple(whole.alternatives),
+            next_experiment(effect.name, experiments), (_term(effect, whole.shape, whole.coefficients),), np.inf,
+            motions=_settling(experiments),
+        )  # fmt: skip
+
+    def _joint_finding(self, gap: JointGap, named: Sequence[Named], one: Named, total: float) -> Finding:
+        """A joint's own cause; its figures are yet to come, with the delivered model."""
+        effect, trial, panel = one.effect, one.trial, self.subject.panel
+        others = [n.trial for n in named if n is not one]
+        found = coefficients(panel, gap.problem(panel, others), trial, gap.joint)
+        rivals = alternatives(panel, gap, named, one)
+        experiments = {name: self._experiment(gap, trial, rival, others) for name, rival in rivals.items()}
+        return Finding(
+            effect.name, effect.family, (gap.joint,), {}, one.p_value, tuple(rivals),
+            next_experiment(effect.name, experiments), (_term(effect, trial.shape, found),),
+            one.explained / max(total, 1e-300), negative_control(panel, gap, named, one), _settling(experiments),
+        )  # fmt: skip
+
+    def _experiment(
+        self, gap: JointGap, one: Trial, other: Trial | None, besides: Sequence[Trial]
+    ) -> Experiment | None:
+        """The motion that would separate two names of a joint."""
+        if other is None or not self.motions:
+            return None
+        subject = self.subject
+        left = gap.problem(subject.panel, [*besides, one]).residual
+        turns = turning(subject.panel, subject.survey)[:, gap.joint]
+        noisy = bool(turns.any()) and gap.keep[turns].mean() < 0.5
+        joined = {}
+        for name, (panel, added) in self._joined.items():
+            # Where these logs' rests and reversals tell nothing, the motion's would not either.
+            hidden = turning(panel, subject.survey)[:, gap.joint] & noisy
+            joined[name] = Joined(panel, subject.gap(panel, gap.joint).without(hidden), added)
+        return separating(Question(one, other, tuple(besides), float(np.sqrt(np.mean(left**2)))), joined)
+
+    @cached_property
+    def _joined(self) -> dict[str, tuple[Panel, int]]:
+        """Each motion's rows behind the logs'."""
+        subject = self.subject
+        return {name: with_motion(subject.model, subject.panel, motion) for name, motion in self.motions.items()}
+
+
+def _term(effect: Effect, shape: FloatArray, coefficients: FloatArray) -> Term:
+    """A term as it was found, its standard deviations unknown."""
+    return Term(effect, shape, coefficients, *(np.full(len(k), np.nan) for k in (coefficients, shape)))
+
+
+def _delivered(findings: Sequence[Finding], model: CurrentModel, before: int) -> list[Finding]:
+    """Findings with the terms and parameters that a model has of them, fitted together behind its first terms."""
+    terms, found = iter(model.terms[before:]), []
+    for finding in findings:
+        if finding.terms:
+            term = next(terms)
+            figures = term.effect.summary(model.robot, term.shape, term.coefficients)
+            finding = replace(finding, terms=(term,), parameters=figures)
+        found.append(finding)
+    return found
+
+
+def _settling(experiments: Mapping[str, Experiment | None]) -> dict[str, str]:
+    """The motion that would settle a name against each alternative of which one would."""
+    return {name: e.motion for name, e in experiments.items() if e is not None and e.settles}
+
+
+def _contact(contacts: Sequence[Touches]) -> Finding:
+    """What was cut out of the logs as contact."""
+    joints = tuple(sorted({j for one in contacts for j in one.joints}))
+    seconds, episodes = sum(one.seconds for one in contacts), float(sum(one.episodes for one in contacts))
+    figures: dict[str, float | list[float]] = {"seconds": seconds, "episodes": episodes}
+    return Finding("contact", "contact", joints, figures, SURE, (), None, (), 0.0)

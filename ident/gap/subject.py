@@ -1,0 +1,103 @@
+"""Steps 1 and 2: the model, fitted again unless it is held fixed, and the rows of logs that it is held against."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+
+from ident.effects.base import Survey, Term
+from ident.errors import InputError
+from ident.fit import Drives, fit
+from ident.gap.edge import with_slight_edge
+from ident.gap.joint_gap import JointGap
+from ident.gap.panel import Panel
+from ident.gap.rests import Rests, no_rests, rests_of
+from ident.gap.rows import gap_of, held_of, panel_of, survey_of
+from ident.log import LogSource
+from ident.model import CurrentModel
+
+LEAST_ROWS = 200
+"""Rows without which nothing is looked for."""
+
+
+@dataclass(eq=False)
+class Subject:
+    """A model and the rows of logs that it is held against; :meth:`look` fills in all but the first three.
+
+    Attributes:
+        model: the simulation, as last fitted.
+        train: the logs.
+        refit: whether the model's own parameters are fitted again with every candidate, or held fixed.
+        rests: joints whose rests are left out.
+        panel, survey: the rows, and facts about the logs.
+        gaps: each joint's rows with the model's columns.
+    """
+
+    model: CurrentModel
+    train: Sequence[LogSource]
+    refit: bool
+    rests: Rests = field(init=False)
+    panel: Panel = field(init=False)
+    survey: Survey = field(init=False)
+    gaps: list[JointGap] = field(init=False)
+
+    def look(self) -> None:
+        """Fit the model, gather the rows, and find whose rests are to be left out.
+
+        Raises:
+            InputError: the logs have too few rows.
+        """
+        self.rests = no_rests(self.model.n)
+        self._see()
+        self.rests = rests_of(self.model, self.panel, self.survey)
+        if self.rests.joints:
+            self._see()
+
+    def leave_out(self, joints: Sequence[int]) -> bool:
+        """Look without the rests of these joints, too; whether that is any other."""
+        rests = self.rests.also(joints)
+        more = rests.joints != self.rests.joints
+        if more:
+            self.rests = rests
+            self._see()
+        return more
+
+    def learn(self, term: Term) -> None:
+        """Look with one more term in the model."""
+        self.model = replace(self.model, terms=(*self.model.terms, term))
+        self._see()
+
+    def bend(self, terms: Sequence[Term]) -> None:
+        """See the logs by the links that the model has once these terms are fitted with it."""
+        beside = self.fitted(self.model, terms)
+        self.panel = self.panel.seen_by(replace(beside, terms=beside.terms[: -len(terms)]))
+        self.survey = survey_of(self.model, self.panel)
+
+    def gap(self, panel: Panel, joint: int) -> JointGap:
+        """The joint's rows: the model's columns if it is refitted, else what it leaves; of one that sticks no rests."""
+        found = (gap_of if self.refit else held_of)(self.model, panel, joint)
+        if joint not in self.rests.joints:
+            return found
+        left = found.moving(panel, ~panel.gather(self.rests.counts)[:, joint])
+        return with_slight_edge(panel, left, self.model.terms)
+
+    def fitted(self, model: CurrentModel, terms: Sequence[Term]) -> CurrentModel:
+        """Step 8: a model with what was found, refitted, or with the found terms added to it."""
+        if not self.refit:
+            return replace(model, terms=(*model.terms, *terms))
+        everything = [*model.terms, *terms]
+        effects, shapes = [t.effect for t in everything], [t.shape for t in everything]
+        drives = Drives(model.gain, model.force_unit)
+        views = [model.view(source) for source in self.train]
+        found = fit(model.robot, effects, views, model.cutoff, drives, shapes=shapes, counts=self.rests.counts).model
+        return replace(found, positions_only=model.positions_only)
+
+    def _see(self) -> None:
+        """The model, its rows and facts about them, with what is known of rests."""
+        if self.refit:
+            self.model = self.fitted(self.model, [])
+        self.panel = panel_of(self.model, self.train)
+        if len(self.panel) < LEAST_ROWS:
+            raise InputError("too few rows", ", ".join(s.name for s in self.train), "give longer logs")
+        self.survey = survey_of(self.model, self.panel)
+        self.gaps = [self.gap(self.panel, j) for j in range(self.model.n)]
