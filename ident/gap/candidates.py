@@ -22,6 +22,9 @@ SEARCHED = 5
 BOUND = 0.01
 """Share of a shape parameter's range, or of the bound itself where that is less, that counts as the bound."""
 
+TAIL = 0.2
+"""Share of a law's largest force in all rows that those that count must reach for them to tell its size."""
+
 TOGETHER = 32
 """Starting shapes that are looked at in one matrix product."""
 
@@ -82,12 +85,25 @@ def grid(shapes: Sequence[Shape]) -> Iterator[FloatArray]:
         yield np.array(values, dtype=float)
 
 
-def usable(panel: Panel, problem: JointProblem, effect: Effect, columns: FloatArray) -> BoolArray:
-    """Which of an effect's columns (N, k) in a problem's rows have coefficients (k,) that keep to their bounds."""
+def usable(panel: Panel, problem: JointProblem, effect: Effect, everywhere: FloatArray) -> BoolArray:
+    """Which of an effect's columns (N, k) in all rows have coefficients (k,) that rows that count tell.
+
+    They keep to their bounds, and are those of a law of which such rows show more than its tail.
+    """
+    columns = problem.of(everywhere)
+    used = np.ones(columns.shape[1], dtype=bool)
+    if effect.shapes and columns is not everywhere:
+        used = largest(columns) >= TAIL * largest(everywhere)
     lower = np.array([c.lower for c in effect.coefficients(panel.robot)])
-    if not np.isfinite(lower).any():
-        return np.ones(columns.shape[1], dtype=bool)
-    return problem.admissible(columns, lower)
+    if np.isfinite(lower).any():
+        used[used] = problem.admissible(columns[:, used], lower[used])
+    return used
+
+
+def largest(columns: FloatArray) -> FloatArray:
+    """Largest size (k,) of each of columns (N, k)."""
+    found: FloatArray = np.abs(columns).max(axis=0, initial=0.0)
+    return found
 
 
 def admissible(panel: Panel, problem: JointProblem, effect: Effect, shape: FloatArray, joint: int) -> FloatArray:
@@ -100,17 +116,17 @@ def sweep(
 ) -> Iterator[FloatArray]:
     """Yield the admissible columns (N, k) of an effect at each of several shapes."""
     for everywhere in panel.sweep(effect, shapes, joint):
+        used = usable(panel, problem, effect, everywhere)
         columns = problem.of(everywhere)
-        used = usable(panel, problem, effect, columns)
         yield columns if used.all() else columns[:, used]
 
 
 def coefficients(panel: Panel, problem: JointProblem, trial: Trial, joint: int) -> FloatArray:
     """Linear parameters (k,) of a trial fitted to a problem's rows; those at their bounds are nought."""
-    columns = problem.of(panel.columns(trial.effect, trial.shape, joint))
-    used = usable(panel, problem, trial.effect, columns)
-    values = np.zeros(columns.shape[1])
-    values[used] = problem.fit(columns[:, used])[problem.matrix.shape[1] :]
+    everywhere = panel.columns(trial.effect, trial.shape, joint)
+    used = usable(panel, problem, trial.effect, everywhere)
+    values = np.zeros(len(used))
+    values[used] = problem.fit(problem.of(everywhere)[:, used])[problem.matrix.shape[1] :]
     return values
 
 

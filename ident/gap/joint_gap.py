@@ -10,6 +10,7 @@ import numpy as np
 from ident.arrays import BoolArray, FloatArray, IntArray
 from ident.effects.base import Effect
 from ident.gap.candidates import Trial, admissible, best_shape, usable
+from ident.gap.folds import even_folds
 from ident.gap.gate import Gate, speed_classes
 from ident.gap.panel import Panel
 from ident.gap.problem import LEAST, JointProblem, sizes
@@ -102,8 +103,7 @@ class JointGap:
         rows = np.bincount(panel.fold[left.keep], minlength=int(panel.fold.max()) + 1)
         if rows.min() >= SCARCE * rows.mean():
             return left
-        order = np.cumsum(left.keep) - 1
-        return replace(left, parts=np.maximum(order, 0) * len(rows) // max(int(left.keep.sum()), 1))
+        return replace(left, parts=even_folds(panel.log, left.keep))
 
     def fold(self, panel: Panel) -> IntArray:
         """Number of each row's fold (N,)."""
@@ -145,7 +145,7 @@ class JointGap:
             return self.matrix
         plain = JointProblem(self.matrix, self.target, self.fold(panel), self.keep)
         found = [(trial.effect, panel.columns(trial.effect, trial.shape, self.joint)) for trial in named]
-        return np.hstack([self.matrix, *(c[:, usable(panel, plain, effect, plain.of(c))] for effect, c in found)])
+        return np.hstack([self.matrix, *(c[:, usable(panel, plain, effect, c)] for effect, c in found)])
 
 
 def starts_of(panel: Panel, problem: JointProblem) -> IntArray:

@@ -155,6 +155,13 @@ class Panel:
         return self.gather(lambda block: block.motion.dq)
 
     @cached_property
+    def log(self) -> IntArray:
+        """Number of the log (N,) that each row is of."""
+        names = [block.log.name for block in self.blocks]
+        numbers = [names.index(name) for name in names]
+        return np.repeat(np.array(numbers, dtype=np.int64), [len(rows) for rows in self.rows])
+
+    @cached_property
     def start(self) -> IntArray:
         """Numbers of the rows looked at with which each block begins."""
         counts = [len(rows) for rows in self.rows]

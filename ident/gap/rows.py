@@ -6,27 +6,19 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from ident.arrays import FloatArray, IntArray
+from ident.arrays import FloatArray
 from ident.effects.base import Survey
 from ident.effects.friction import Coulomb, VelocityEffect, Viscous
 from ident.gap.edge import edge_columns
+from ident.gap.folds import folds_of
 from ident.gap.joint_gap import JointGap
 from ident.gap.panel import Panel
 from ident.log import LogSource
 from ident.model import CurrentModel
-from ident.walk import Block, collect
+from ident.walk import collect
 
 ROWS = 16_000
 """Rows that are looked at, evenly spread; neighbouring rows of a robot's residual say nearly the same."""
-
-FOLDS = 4
-
-FASTER = 2.0
-"""A log in which a joint moves so many times as fast as in all logs of other folds is cut into parts of every fold:
-predicted from those, it would ask what friction does at speeds that they never saw."""
-
-FAST = 99.0
-"""Percentile of a joint's speed in a log that counts as its speed."""
 
 DRY = ("coulomb", "sigmoid", "stribeck", "maxwell-slip", "cross-joint-friction")
 """Effects whose force a joint that stands may hold."""
@@ -39,7 +31,7 @@ def panel_of(model: CurrentModel, sources: Sequence[LogSource], limit: int = ROW
     every = max(1, -(-total // limit))
     rows = [np.flatnonzero(block.keep)[::every] for block in blocks]
     contexts = [model.context(block.motion, total=True) for block in blocks]
-    return Panel(model, blocks, contexts, rows, _folds(blocks, rows))
+    return Panel(model, blocks, contexts, rows, folds_of(blocks, rows))
 
 
 def survey_of(model: CurrentModel, panel: Panel) -> Survey:
@@ -129,34 +121,3 @@ def _per_newton_metre(model: CurrentModel, panel: Panel) -> FloatArray:
         square = float(nominal[:, j] @ nominal[:, j])
         ratio[j] = float(nominal[:, j] @ load[:, j]) / square if square > 0 else 1.0
     return ratio
-
-
-def _folds(blocks: Sequence[Block], rows: Sequence[IntArray]) -> IntArray:
-    """Number of the fold of each row: logs dealt out, or cut into parts where they are few or one is by far faster."""
-    names = list(dict.fromkeys(block.log.name for block in blocks))
-    logs = [[k for k, block in enumerate(blocks) if block.log.name == name] for name in names]
-    parts = np.full(len(names), -(-FOLDS // len(names)))
-    parts[_faster(blocks, rows, logs)] = FOLDS
-    fold = [np.empty(0, dtype=np.int64)] * len(blocks)
-    for number, own in enumerate(logs):
-        total, seen = sum(len(rows[k]) for k in own), 0
-        for k in own:
-            order = seen + np.arange(len(rows[k]))
-            fold[k] = (number * parts[number] + order * parts[number] // max(total, 1)) % FOLDS
-            seen += len(rows[k])
-    return np.concatenate(fold)
-
-
-def _faster(blocks: Sequence[Block], rows: Sequence[IntArray], logs: Sequence[Sequence[int]]) -> list[int]:
-    """Numbers of the logs, of as many as folds at least, that move a joint much faster than all logs of other folds."""
-    if len(logs) < FOLDS:
-        return []
-    speeds = np.array([
-        np.percentile(np.abs(np.concatenate([blocks[k].motion.dq[rows[k]] for k in own])), FAST, axis=0)
-        for own in logs
-        if sum(len(rows[k]) for k in own)
-    ])  # fmt: skip
-    if len(speeds) < len(logs):
-        return []
-    fold = np.arange(len(logs)) % FOLDS
-    return [k for k in range(len(logs)) if np.any(speeds[k] > FASTER * speeds[fold != fold[k]].max(axis=0))]
