@@ -28,7 +28,7 @@ from comparisons.protocols import named
 from comparisons.virtual_robot import VirtualRobot
 from ident.arrays import BoolArray, FloatArray
 from ident.effects.base import Context
-from ident.effects.friction import VelocityEffect
+from ident.effects.direction import VelocityEffect
 from ident.effects.hysteresis import MaxwellSlip
 from ident.effects.rigid_body import Links, RotorInertia
 from ident.fit import Fit

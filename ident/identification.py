@@ -13,7 +13,7 @@ from ident.cautions import gain_warnings, sign_warnings, still_warnings
 from ident.drive_gain import GainEstimate
 from ident.effects import load_catalogue
 from ident.effects.base import Effect
-from ident.effects.friction import DirectedEffect, VelocityEffect
+from ident.effects.direction import DirectedEffect, VelocityEffect
 from ident.effects.transmission import CrossJointFriction
 from ident.errors import InputError
 from ident.feasible import Feasible, SolverFailure, feasible_parameters

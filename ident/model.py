@@ -10,7 +10,7 @@ import numpy as np
 
 from ident.arrays import FloatArray
 from ident.effects.base import Coefficient, Context, Effect, Shape, Term
-from ident.effects.friction import DirectedEffect
+from ident.effects.direction import DirectedEffect
 from ident.effects.rigid_body import Links, RotorInertia
 from ident.log import JointLog, LogSource, PositionsOnly, Sample
 from ident.online_friction import Memories, OneSample

@@ -15,18 +15,9 @@ import numpy as np
 from ident.arrays import FloatArray, IntArray
 from ident.compiled import compiled
 from ident.effects.base import Effect, Term
+from ident.effects.direction import DirectedEffect, built_up
 from ident.effects.electrical import CurrentOffset
-from ident.effects.friction import (
-    Coulomb,
-    CoulombAsymmetry,
-    DirectedEffect,
-    LoadFriction,
-    Sigmoid,
-    Stribeck,
-    Viscous,
-    ViscousNonlinear,
-    built_up,
-)
+from ident.effects.friction import Coulomb, CoulombAsymmetry, LoadFriction, Sigmoid, Stribeck, Viscous, ViscousNonlinear
 from ident.effects.hysteresis import MaxwellSlip
 from ident.effects.rigid_body import CableSpring, Links, RotorInertia
 from ident.effects.transmission import CrossJointFriction, GearRipple

@@ -14,8 +14,9 @@ from ident.cautions import still_joints
 from ident.design import Design
 from ident.drive_gain import GainEstimate, gains_from_payload, shared_gains
 from ident.effects.base import Effect, initial_term
+from ident.effects.direction import SMOOTHING
 from ident.effects.electrical import CurrentOffset
-from ident.effects.friction import SMOOTHING, Coulomb, Viscous
+from ident.effects.friction import Coulomb, Viscous
 from ident.effects.rigid_body import Links, RotorInertia
 from ident.errors import InputError
 from ident.fit import Drives, solved_model

@@ -11,15 +11,8 @@ from joblib import Parallel, delayed
 from ident.arrays import BoolArray, FloatArray, IntArray
 from ident.design import Counts, Design
 from ident.effects.base import Context, Effect, initial_term
-from ident.effects.friction import (
-    CoulombAsymmetry,
-    DirectedEffect,
-    LoadFriction,
-    Sigmoid,
-    Stribeck,
-    VelocityEffect,
-    ViscousNonlinear,
-)
+from ident.effects.direction import DirectedEffect, VelocityEffect
+from ident.effects.friction import CoulombAsymmetry, LoadFriction, Sigmoid, Stribeck, ViscousNonlinear
 from ident.effects.hysteresis import MaxwellSlip
 from ident.effects.rigid_body import CableSpring
 from ident.effects.transmission import CrossJointFriction, GearRipple

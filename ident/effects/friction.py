@@ -2,134 +2,23 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING, ClassVar, Self
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from ident.arrays import FloatArray
-from ident.compiled import compiled
 from ident.effects.base import Coefficient, Context, Effect, Shape, Survey
+from ident.effects.direction import DirectedEffect, VelocityEffect
 
 if TYPE_CHECKING:
     from ident.robot import Robot
-
-SMOOTHING = 5e-3
-"""Speed [rad/s or m/s] over which the sign of a velocity turns, where the data do not ask for more."""
-
 
 SLOWEST_SIGMOID = 0.015
 """Speed [rad/s or m/s] below which a rise of friction is but the smoothing of a sign."""
 
 MOST_SWINGS = 24.0
 """Swings of friction a turn (a metre) at most; more are teeth."""
-
-
-@dataclass(frozen=True)
-class VelocityEffect(Effect):
-    """A friction effect; ``smoothing`` is the speed [rad/s or m/s] over which its sign of velocity turns."""
-
-    smoothing: float = SMOOTHING
-
-    @classmethod
-    def candidates(cls, survey: Survey, joint: int | None) -> list[Effect]:
-        """Try it with the direction that the logs ask for."""
-        return [] if joint is None else [cls.seen(survey, joint)]
-
-    @classmethod
-    def seen(cls, survey: Survey, joint: int, *options: float | None) -> Self:
-        """Return the effect of a joint with the direction that the logs ask for, and options of its own in order."""
-        return cls(joint, float(survey.smoothing[joint]), *options)
-
-    def turned_as(self, friction: VelocityEffect) -> Self:
-        """Return the same effect with the direction of another of its joint."""
-        return replace(self, smoothing=friction.smoothing)
-
-    def velocity(self, context: Context) -> FloatArray:
-        """Return the joint's velocity (N,)."""
-        return context.motion.dq[:, self.at]
-
-
-@dataclass(frozen=True)
-class DirectedEffect(VelocityEffect):
-    """A friction effect that points against the motion.
-
-    Its direction is the sign of velocity or, with presliding, the state of a Dahl (1968) element: bearings and teeth
-    yield before they slip, so that friction builds up over a displacement as the joint turns round, and stays where
-    the joint stops. As the position changes, the direction z does by (1 - z sign(dq))^exponent / displacement.
-
-    Attributes:
-        presliding: displacement [rad or m] over which it would build up from none as it begins to; nought for none.
-        presliding_exponent: from nought, where friction yields like a spring until it slips, to one.
-        remembers: whether it remembers more than its direction.
-    """
-
-    presliding: float = field(default=0.0, kw_only=True)
-    presliding_exponent: float = field(default=1.0, kw_only=True)
-
-    remembers: ClassVar[bool] = False
-
-    @classmethod
-    def seen(cls, survey: Survey, joint: int, *options: float | None) -> Self:
-        """Return the effect of a joint with the direction that the logs ask for, and options of its own in order."""
-        effect = super().seen(survey, joint, *options)
-        displacement, exponent = float(survey.presliding[joint]), float(survey.presliding_exponent[joint])
-        return replace(effect, presliding=displacement, presliding_exponent=exponent)
-
-    def turned_as(self, friction: VelocityEffect) -> Self:
-        """Return the same effect with the direction of another of its joint."""
-        plain = super().turned_as(friction)
-        if not isinstance(friction, DirectedEffect):
-            return plain
-        return replace(plain, presliding=friction.presliding, presliding_exponent=friction.presliding_exponent)
-
-    def start(self) -> FloatArray:
-        """Return last position, not known before the first, and direction; nothing without presliding."""
-        return np.array([np.nan, 0.0]) if self.presliding > 0.0 else np.zeros(0)
-
-    def direction(self, context: Context, memory: FloatArray) -> FloatArray:
-        """Return the direction (N,) of the joint's motion, from -1 to 1, carrying the memory forward."""
-        if context.direction is not None:
-            return context.direction
-        if self.presliding > 0.0:
-            position = np.ascontiguousarray(context.motion.q[:, self.at])
-            built: FloatArray = _build_up(position, self.presliding, self.presliding_exponent, memory)
-            return built
-        return np.tanh(self.velocity(context) / self.smoothing)
-
-
-@compiled
-def _build_up(position: FloatArray, displacement: float, exponent: float, memory: FloatArray) -> FloatArray:
-    out = np.empty(len(position))
-    last, state = memory[0], memory[1]
-    for k in range(len(position)):
-        state = built_up(state, position[k] - last, displacement, exponent)
-        last = position[k]
-        out[k] = state
-    memory[0], memory[1] = last, state
-    return out
-
-
-@compiled
-def built_up(state: float, step: float, displacement: float, exponent: float) -> float:
-    """Direction after a step [rad or m] from another, exactly; the same where the step is not known.
-
-    Args:
-        state: the direction before, from -1 to 1.
-        step: change of position.
-        displacement: over which it builds up.
-        exponent: Dahl's, from nought to one.
-    """
-    if not abs(step) > 0.0:
-        return state
-    sign = 1.0 if step > 0.0 else -1.0
-    lacking, moved = 1.0 - sign * state, abs(step) / displacement
-    if exponent > 0.999:
-        lacking *= np.exp(-moved)
-    else:
-        left = lacking ** (1.0 - exponent) - (1.0 - exponent) * moved
-        lacking = left ** (1.0 / (1.0 - exponent)) if left > 0.0 else 0.0
-    return sign * (1.0 - lacking)
 
 
 @dataclass(frozen=True)

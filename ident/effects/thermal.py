@@ -10,7 +10,7 @@ import numpy as np
 from ident.arrays import FloatArray
 from ident.compiled import compiled
 from ident.effects.base import Coefficient, Context, Effect, Shape, Survey
-from ident.effects.friction import DirectedEffect
+from ident.effects.direction import DirectedEffect
 
 if TYPE_CHECKING:
     from ident.robot import Robot

@@ -12,8 +12,8 @@ import numpy.typing as npt
 
 from ident.arrays import FloatArray, IntArray
 from ident.effects.base import Context, Effect
-from ident.effects.friction import DirectedEffect
-from ident.gap.cut_away import cut_away
+from ident.effects.direction import DirectedEffect
+from ident.gap.cut_away import cut_away_of, filtered_again
 from ident.gap.jolts import jolts
 from ident.model import CurrentModel
 from ident.robot import Robot
@@ -66,7 +66,13 @@ class Panel:
     @cached_property
     def cut_away(self) -> FloatArray:
         """Columns (N, n, 4) by which each joint's force may differ for what the filter cuts away of the motion."""
-        return cut_away(self.model, self.blocks, self.rows)
+        columns = cut_away_of(self.model, self.blocks, self.filtered_again)
+        return np.concatenate([one[looked_at] for one, looked_at in zip(columns, self.rows, strict=True)])
+
+    @cached_property
+    def filtered_again(self) -> list[Motion]:
+        """Each block's motion filtered once more."""
+        return [filtered_again(self.model, block, block.motion) for block in self.blocks]
 
     def seen_by(self, model: CurrentModel) -> Panel:
         """The same rows with what effects see of them under another model."""

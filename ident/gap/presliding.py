@@ -10,7 +10,8 @@ from scipy.optimize import minimize
 
 from ident.arrays import BoolArray, FloatArray
 from ident.effects.base import Effect, Survey
-from ident.effects.friction import Coulomb, Stribeck, VelocityEffect
+from ident.effects.direction import VelocityEffect
+from ident.effects.friction import Coulomb, Stribeck
 from ident.gap.candidates import best_start, forms, refine
 from ident.gap.joint_gap import JointGap
 from ident.gap.panel import Panel

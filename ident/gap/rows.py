@@ -8,7 +8,8 @@ import numpy as np
 
 from ident.arrays import FloatArray
 from ident.effects.base import Survey
-from ident.effects.friction import Coulomb, VelocityEffect, Viscous
+from ident.effects.direction import VelocityEffect
+from ident.effects.friction import Coulomb, Viscous
 from ident.gap.edge import edge_columns
 from ident.gap.folds import folds_of
 from ident.gap.joint_gap import JointGap

@@ -11,7 +11,6 @@ from ident.arrays import BoolArray, FloatArray
 from ident.effects.base import Survey
 from ident.effects.friction import Coulomb
 from ident.gap.counts import encoder_counts
-from ident.gap.cut_away import filtered_again
 from ident.gap.panel import Panel
 from ident.gap.sensor_noise import around_square, removed_square, velocities_used
 from ident.model import CurrentModel
@@ -72,7 +71,7 @@ def shaken(model: CurrentModel, panel: Panel, survey: Survey) -> FloatArray:
 
 def mistimed(model: CurrentModel, panel: Panel, survey: Survey) -> FloatArray:
     """The same (N, n) with what the filter smears: where a joint starts at once it seems to start before."""
-    again = {id(block): filtered_again(model, block, block.motion) for block in panel.blocks}
+    again = {id(block): motion for block, motion in zip(panel.blocks, panel.filtered_again, strict=True)}
 
     def smeared(block: Block, which: str) -> FloatArray:
         return smear(model, block, getattr(block.motion, which) - getattr(again[id(block)], which))

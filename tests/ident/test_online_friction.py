@@ -9,8 +9,9 @@ import pytest
 
 from ident.effects import load_catalogue
 from ident.effects.base import Coefficient, Effect, Term
+from ident.effects.direction import DirectedEffect
 from ident.effects.electrical import DriveGain
-from ident.effects.friction import Coulomb, DirectedEffect, LoadFriction, Viscous
+from ident.effects.friction import Coulomb, LoadFriction, Viscous
 from ident.effects.hysteresis import MaxwellSlip
 from ident.effects.rigid_body import Links
 from ident.effects.thermal import ThermalFriction
