@@ -202,15 +202,19 @@ FINE = 2e-4
 
 
 def _knocks(s: Scene, j: int, a: float, rng: np.random.Generator) -> tuple[FloatArray, dict[str, float]]:
-    """Play whose link flies through and knocks: flanks that stiffen and lose energy as Hunt and Crossley's (1975)."""
+    """Play whose link flies through and knocks: flanks that stiffen and lose energy as Hunt and Crossley's (1975).
+
+    Up to three tenths of the joint's dry friction brake the link.
+    """
     gap, hertz, loss = float(np.clip(1e-3 * a, LEAST_PLAY, PLAY)), rng.uniform(12.0, 40.0), rng.uniform(0.5, 4.0)
+    braked = rng.uniform(0.0, 0.3) * s.coulomb[j] * 2.0 / np.pi * np.arctan(s.dq[:, j] / 0.01)
     inertia = s.body.mass_matrix(s.q, s.parameters)[:, :, j]
     usual = float(np.median(np.abs(s.torque[:, j])))
     # Under the usual load the flanks are as stiff as a spring of that frequency.
     stiff = float(np.mean(inertia[:, j])) * (2.0 * np.pi * hertz) ** 2
     force = np.zeros_like(s.q)
     for piece in pieces(s):
-        t, load, moved = s.t[piece], s.torque[piece, j], inertia[piece]
+        t, load, moved = s.t[piece], s.torque[piece, j] + braked[piece], inertia[piece]
         fine = np.arange(t[0], t[-1], FINE)
         own = np.interp(fine, t, moved[:, j])
         carried = _carried(CubicSpline(t, load)(fine), own, 0.5 * gap, stiff, usual, loss)

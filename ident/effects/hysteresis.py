@@ -10,6 +10,7 @@ import numpy as np
 from ident.arrays import FloatArray
 from ident.compiled import compiled
 from ident.effects.base import Coefficient, Context, Effect, Shape, Survey
+from ident.effects.direction import SMOOTHING
 
 if TYPE_CHECKING:
     from ident.robot import Robot
@@ -119,15 +120,18 @@ class Backlash(Effect):
 
     Either friction holds the link, and the motor's place in the gap is a play operator on the joint's position (Nordin
     and Gutman 2002). Or the link flies from one flank to the other once its load changes sides, and knocks: two masses
-    with a dead zone between them (their section 2.1), which all rows feel.
+    with a dead zone between them (their section 2.1), which all rows feel. Part of the joint's dry friction may brake
+    the link and not the motor: the later that changes sides, the later the link flies.
 
     Attributes:
         falls: whether a link that is held is pressed against one flank by its load at rest.
         flies: whether the link flies through the gap, or friction holds it.
+        dry: the joint's dry friction, of which a share may brake a link that flies; nought where none does.
     """
 
     falls: bool = True
     flies: bool = False
+    dry: float = 0.0
 
     name = "backlash"
     family = "hysteresis"
@@ -139,7 +143,7 @@ class Backlash(Effect):
     def candidates(cls, survey: Survey, joint: int | None) -> list[Effect]:
         """Try a link that is held and, as a cause of the whole robot that one joint has, one that flies."""
         if joint is None:
-            return [cls(k, flies=True) for k in range(survey.robot.n)]
+            return [cls(k, flies=True, dry=float(survey.holds[k])) for k in range(survey.robot.n)]
         return [cls(joint, falls) for falls in (True, False)]
 
     @property
@@ -149,12 +153,14 @@ class Backlash(Effect):
 
     @property
     def shapes(self) -> tuple[Shape, ...]:
-        """Return the gap and, of a link that flies, the frequency and damping ratio with which it rings on a flank."""
+        """Return the gap and, of a link that flies, its ringing on a flank and the share of dry friction on it."""
         if not self.flies:
             return (Shape("gap", "{angle}", 2e-5, 2e-2, (1e-3, 2e-4, 4e-3)),)
         gap = Shape("gap", "{angle}", 1e-4, 5e-2, tuple(np.geomspace(3e-4, 3e-2, 13).tolist()))
         hertz = Shape("hertz", "Hz", 5.0, 100.0, (14.0, 28.0), ends=(True, False))
-        return (gap, hertz, Shape("damping", "1", 0.02, 2.0, (0.3,), ends=(False, False)))
+        damping = Shape("damping", "1", 0.02, 2.0, (0.3,), ends=(False, False))
+        braked = Shape("link_friction", "1", 0.0, 1.0, (0.0, 0.25), log=False, ends=(False, False))
+        return (gap, hertz, damping, braked) if self.dry > 0.0 else (gap, hertz, damping)
 
     def coefficients(self, robot: Robot) -> tuple[Coefficient, ...]:
         """Return the share of the load that is missing inside the gap; a link that flies carries none."""
@@ -171,7 +177,10 @@ class Backlash(Effect):
         if self.flies:
             inertia = context.inertia[:, :, joint]
             own = inertia[:, joint]  # of fitted links, which may be none that exist
-            pull = np.where(own > 0.0, load[:, joint] / np.where(own > 0.0, own, 1.0), 0.0)
+            needed = load[:, joint]
+            if self.dry > 0.0:
+                needed = needed + float(shape[3]) * self.dry * np.tanh(motion.dq[:, joint] / SMOOTHING)
+            pull = np.where(own > 0.0, needed / np.where(own > 0.0, own, 1.0), 0.0)
             ahead = _ahead(np.ascontiguousarray(motion.t), pull, half, float(shape[1]), float(shape[2]), memory)
             return np.asarray(-inertia * ahead[:, None])[:, :, None]
         own, q, dq = (np.ascontiguousarray(x[:, joint]) for x in (load, motion.q, motion.dq))

@@ -1,32 +1,13 @@
-"""Rows that the workflow looks at: which of them are held out together."""
+"""Rows that the workflow looks at, and what is known of them."""
 
 from dataclasses import replace
 
 import numpy as np
-from planar_arm import logs, record
+from planar_arm import logs
 
 from ident.effects.attached import Payload
 from ident.gap import baseline_model
-from ident.gap.rows import FOLDS, held_of, panel_of
-
-
-def folds_of_logs(model, train):
-    panel = panel_of(model, train)
-    own = np.repeat(
-        [[log.name for log in train].index(block.log.name) for block in panel.blocks],
-        [len(rows) for rows in panel.rows],
-    )
-    return [set(panel.fold[own == k].tolist()) for k in range(len(train))]
-
-
-def test_a_log_that_is_much_faster_than_all_others_is_in_every_fold(arm):
-    train = [*logs(arm, 1), record(arm, 4)]
-    model = baseline_model(arm, train)
-    assert folds_of_logs(model, train) == [{0}, {1}, {2}, {3}]
-    fast = [*train[:3], replace(train[3], q=3.0 * train[3].q)]
-    assert folds_of_logs(model, fast) == [{0}, {1}, {2}, set(range(FOLDS))]
-    again = [*fast, replace(fast[3], name="again")]  # in another fold: each is predicted from the other
-    assert folds_of_logs(model, again) == [{0}, {1}, {2}, {3}, {0}]
+from ident.gap.rows import held_of, panel_of
 
 
 def test_a_force_that_is_known_but_for_a_factor_is_taken_away_as_much_as_there_is_of_it(arm):

@@ -1,0 +1,36 @@
+"""Rows of logs: which of them are held out together."""
+
+from dataclasses import replace
+
+import numpy as np
+from planar_arm import logs, record
+
+from ident.gap import baseline_model
+from ident.gap.folds import FOLDS, even_folds
+from ident.gap.rows import panel_of
+
+
+def folds_of_logs(model, train):
+    panel = panel_of(model, train)
+    return [set(panel.fold[panel.log == k].tolist()) for k in range(len(train))]
+
+
+def test_a_log_that_is_much_faster_than_all_others_is_in_every_fold(arm):
+    train = [*logs(arm, 1), record(arm, 4)]
+    model = baseline_model(arm, train)
+    assert folds_of_logs(model, train) == [{0}, {1}, {2}, {3}]
+    fast = [*train[:3], replace(train[3], q=3.0 * train[3].q)]
+    assert folds_of_logs(model, fast) == [{0}, {1}, {2}, set(range(FOLDS))]
+    again = [*fast, replace(fast[3], name="again")]  # in another fold: each is predicted from the other
+    assert folds_of_logs(model, again) == [{0}, {1}, {2}, {3}, {0}]
+
+
+def test_every_log_is_cut_into_a_part_of_each_fold_by_the_rows_that_count():
+    log = np.repeat([0, 1], [12, 40])
+    keep = np.ones(52, dtype=bool)
+    keep[:4] = keep[30:] = False
+    fold = even_folds(log, keep)
+    for number in (0, 1):
+        counted = fold[keep & (log == number)]
+        assert np.all(np.diff(counted) >= 0)
+        assert np.ptp(np.bincount(counted, minlength=FOLDS)) <= 1
