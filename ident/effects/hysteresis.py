@@ -156,7 +156,7 @@ class Backlash(Effect):
         """Return the gap and, of a link that flies, its ringing on a flank and the share of dry friction on it."""
         if not self.flies:
             return (Shape("gap", "{angle}", 2e-5, 2e-2, (1e-3, 2e-4, 4e-3)),)
-        gap = Shape("gap", "{angle}", 1e-4, 5e-2, tuple(np.geomspace(3e-4, 3e-2, 13).tolist()))
+        gap = Shape("gap", "{angle}", 2e-5, 5e-2, tuple(np.geomspace(6e-5, 3e-2, 16).tolist()))
         hertz = Shape("hertz", "Hz", 5.0, 100.0, (14.0, 28.0), ends=(True, False))
         damping = Shape("damping", "1", 0.02, 2.0, (0.3,), ends=(False, False))
         braked = Shape("link_friction", "1", 0.0, 1.0, (0.0, 0.25), log=False, ends=(False, False))
