@@ -50,7 +50,14 @@ WORDS = {
     "filter-lag": "the current passes a filter",
     "contact": "something touched the arm",
 }
-UNITS = {"mass": "kg", "seconds": "s", "hertz": "Hz", "roll": "rad", "pitch": "rad", "gap": "rad", "slip": "rad"}
+ANGLE = "{angle}"
+UNITS = {"mass": "kg", "seconds": "s", "hertz": "Hz", "roll": "rad", "pitch": "rad", "gap": ANGLE, "slip": ANGLE}
+SIZES = {
+    "load": "it is larger where that changes sides, as where gears have play",
+    "|dq": "it is larger in slow motion",
+}
+"""What is meant where only the size of what is unexplained follows a signal."""
+
 POINTS = 4000
 
 HARDLY = 0.005
@@ -61,7 +68,9 @@ def nameless(one: Unexplained) -> str:
     """Say in one sentence what is there on a joint and has no name."""
     joints = ", ".join(str(j + 1) for j in one.joints)
     follows = ", ".join(one.depends_on) or "no one signal"
-    return f"Joint {joints}: {100 * one.share:.0f} % of the squared residual is unexplained; it follows {follows}."
+    text = f"Joint {joints}: {100 * one.share:.0f} % of the squared residual is unexplained; it follows {follows}"
+    size = next((words for key, words in SIZES.items() if follows.startswith(key) and "its size" in follows), None)
+    return f"{text}." if size is None else f"{text}: {size}."
 
 
 def sentence(found: GapReport, finding: Finding) -> str:
@@ -69,8 +78,11 @@ def sentence(found: GapReport, finding: Finding) -> str:
     where = f"Joint {finding.joints[0] + 1}" if len(finding.joints) == 1 else "Whole robot"
     if len(finding.joints) > 1:
         where = "Joints " + ", ".join(str(j + 1) for j in finding.joints)
+    prismatic = found.model.robot.multibody.prismatic
+    angle = "m" if len(finding.joints) == 1 and prismatic[finding.joints[0]] else "rad"
     figures = ", ".join(
-        f"{key} {_number(value)}{' ' + UNITS[key] if key in UNITS else ''}" for key, value in finding.parameters.items()
+        f"{key} {_number(value)} {UNITS.get(key, '').replace(ANGLE, angle)}".rstrip()
+        for key, value in finding.parameters.items()
     )
     if finding.effect == "delay" and not finding.terms:
         where = "Logged velocities come late and are derived from the positions instead. " + where
