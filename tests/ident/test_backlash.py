@@ -1,0 +1,91 @@
+"""Play between motor and link: held by friction, or flown through."""
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+from scipy.interpolate import CubicSpline
+
+from ident.effects.base import Context, initial_term
+from ident.effects.direction import SMOOTHING
+from ident.effects.hysteresis import Backlash
+from ident.signals import Motion
+
+DRY = 5.0
+"""Dry friction [N m] of the joint, of which some may brake its link."""
+
+
+@pytest.mark.parametrize("falls", [True, False])
+def test_noise_of_the_position_does_not_open_the_gap(vs060, falls):
+    t = np.arange(2000) * 0.005
+    q, dq = np.zeros((2, len(t), 6))
+    q[:, 1], dq[:, 1] = np.sin(t), np.cos(t)
+    effect, noise = Backlash(1, falls), np.random.default_rng(0).normal(0.0, 1e-5, q.shape)
+    load = np.ones_like(q)
+    missing = [
+        effect.columns(Context(vs060, Motion(t, moved, dq, np.zeros_like(q)), load), np.array([2e-3]), effect.start())
+        for moved in (q, q + noise)
+    ]
+    assert 0.001 < -missing[0].mean() < 0.1
+    np.testing.assert_allclose(missing[1].mean(), missing[0].mean(), rtol=0.5)
+
+
+def test_a_link_that_stays_is_not_pressed_against_a_flank_at_rest(vs060):
+    q = np.zeros((6, 6))
+    q[:, 2] = [0.0, 2e-3, 1e-3, 1e-3, 1e-3, 2e-3]
+    dq = np.zeros_like(q)
+    dq[[0, 1, 2, 5], 2] = 0.1
+    context = Context(vs060, Motion(np.arange(6.0), q, dq, np.zeros_like(q)), np.ones_like(q))
+    stays, falls = (Backlash(2, f) for f in (False, True))
+    missing = [-e.columns(context, np.array([2e-3]), e.start())[:, 0] for e in (stays, falls)]
+    np.testing.assert_allclose(missing[0], [1.0, 0.0, 1.0, 1.0, 1.0, 0.0], atol=1e-6)
+    np.testing.assert_allclose(missing[1], [0.0, 0.0, 1.0, 0.0, 0.0, 0.0], atol=1e-6)
+
+
+@pytest.mark.parametrize("braked", [0.0, 0.3])
+def test_a_link_that_flies_is_two_masses_with_a_dead_zone_between(vs060, braked):
+    t, joint, gap, hertz, damping = np.arange(400) * 0.002, 2, 4e-3, 20.0, 0.25
+    speed = 2.0 * np.pi * np.linspace(0.9, 1.7, 6)
+    phase = speed * t[:, None] + np.arange(6)
+    motion = Motion(t, np.sin(phase), speed * np.cos(phase), -(speed**2) * np.sin(phase))
+    links = np.tile(vs060.multibody.parameters, (6, 1))
+    load = vs060.rigid_body.inverse_dynamics(motion.q, motion.dq, motion.ddq, links)
+    inertia = vs060.rigid_body.mass_matrix(motion.q, vs060.multibody.parameters)
+    # The link's own equation of motion, behind a motor that moves as it does.
+    friction = braked * DRY * np.tanh(motion.dq[:, joint] / SMOOTHING)
+    needs = CubicSpline(t, (load[:, joint] + friction) / inertia[:, joint, joint])
+    turn = 2.0 * np.pi * hertz
+
+    def carried(behind: float, slower: float) -> float:
+        wound = behind - np.clip(behind, -0.5 * gap, 0.5 * gap)
+        push = turn**2 * wound + 2.0 * damping * turn * slower
+        return push if push * wound > 0.0 else 0.0
+
+    first = float(needs(0.0))
+    start = [(0.5 * gap + abs(first) / turn**2) * np.sign(first), 0.0]
+    found = solve_ivp(
+        lambda time, x: [x[1], float(needs(time)) - carried(*x)],
+        (0.0, t[-1]),
+        start,
+        t_eval=t,
+        max_step=2e-4,
+        rtol=1e-8,
+    )
+    effect = Backlash(joint, flies=True, dry=DRY)
+    shape = np.array([gap, hertz, damping, braked])
+    columns = effect.columns(Context(vs060, motion, load, links), shape, effect.start())
+    assert effect.acts_on is None
+    # Between samples, as the columns are.
+    true = -inertia[1:, :, joint] * (np.diff(found.y[1]) / 0.002)[:, None]
+    for j in (1, 2, 4):
+        assert np.std(columns[1:, j, 0] - true[:, j]) < 0.08 * np.std(true[:, j])
+    # While it flies the motor carries none of it, which happens as often as its load changes sides.
+    free = np.abs(columns[:, joint, 0] + load[:, joint] + friction) < 0.02 * np.abs(load[:, joint]).max()
+    assert 5 < free.sum() < 200
+
+
+def test_links_of_no_inertia_leave_nothing_that_flies(vs060):
+    rng = np.random.default_rng(0)
+    motion = Motion(np.arange(50) * 0.01, *rng.standard_normal((3, 50, 6)))
+    context = Context(vs060, motion, rng.standard_normal((50, 6)), np.zeros((6, 60)))
+    effect = Backlash(2, flies=True)
+    assert not effect.columns(context, initial_term(effect).shape, effect.start()).any()
