@@ -1,8 +1,12 @@
 """Causes of the whole robot, told from what single joints might have."""
 
+from dataclasses import replace
+
 import numpy as np
+import planar_arm
 import pytest
 from scipy.interpolate import CubicSpline
+from scipy.signal import butter, lfilter, lfilter_zi
 from scipy.spatial.transform import Rotation
 
 from ident.effects.attached import GravityBalancer, Payload
@@ -82,3 +86,17 @@ def test_a_spring_that_shows_on_one_joint_must_be_worth_its_choice_among_all_joi
     spring = Whole(Elasticity(joint), np.zeros(0), np.ones(1), np.zeros((4, 4)), float(likelihoods.sum()), 0.0)
     balancer = Trial(GravityBalancer(3), np.zeros(0), 400.0, columns=2)
     assert _stands_alone(spring, balancer, likelihoods, singles, 3) is stands
+
+
+def test_all_of_the_current_comes_late_where_that_explains_nearly_as_much(arm):
+    # A filter of second order, as the catalogue has none: a longer delay of less of the current is a little nearer.
+    passes = butter(2, 12.0, fs=100.0)
+
+    def filtered(log):
+        settled = lfilter_zi(*passes)[:, None] * log.current[0]
+        return replace(log, current=lfilter(*passes, log.current, axis=0, zi=settled)[0])
+
+    train = [filtered(planar_arm.record(arm, seed)) for seed in (1, 2, 3)]
+    (late,) = find_gap(baseline_model(arm, train), train).findings
+    assert (late.effect, late.joints) == ("delay", ())
+    assert late.parameters["seconds"] == pytest.approx(late.parameters["span"], rel=0.1)
