@@ -85,25 +85,15 @@ def grid(shapes: Sequence[Shape]) -> Iterator[FloatArray]:
         yield np.array(values, dtype=float)
 
 
-def usable(panel: Panel, problem: JointProblem, effect: Effect, everywhere: FloatArray) -> BoolArray:
-    """Which of an effect's columns (N, k) in all rows have coefficients (k,) that rows that count tell.
-
-    They keep to their bounds, and are those of a law of which such rows show more than its tail.
-    """
-    columns = problem.of(everywhere)
-    used = np.ones(columns.shape[1], dtype=bool)
-    if effect.shapes and columns is not everywhere:
-        used = largest(columns) >= TAIL * largest(everywhere)
+def usable(
+    panel: Panel, problem: JointProblem, effect: Effect, columns: FloatArray, among: BoolArray | None = None
+) -> BoolArray:
+    """Which of an effect's columns (N, k) in a problem's rows, or of some, keep coefficients to their bounds."""
+    used = np.ones(columns.shape[1], dtype=bool) if among is None else among.copy()
     lower = np.array([c.lower for c in effect.coefficients(panel.robot)])
     if np.isfinite(lower).any():
         used[used] = problem.admissible(columns[:, used], lower[used])
     return used
-
-
-def largest(columns: FloatArray) -> FloatArray:
-    """Largest size (k,) of each of columns (N, k)."""
-    found: FloatArray = np.abs(columns).max(axis=0, initial=0.0)
-    return found
 
 
 def admissible(panel: Panel, problem: JointProblem, effect: Effect, shape: FloatArray, joint: int) -> FloatArray:
@@ -114,19 +104,38 @@ def admissible(panel: Panel, problem: JointProblem, effect: Effect, shape: Float
 def sweep(
     panel: Panel, problem: JointProblem, effect: Effect, shapes: Sequence[FloatArray], joint: int
 ) -> Iterator[FloatArray]:
-    """Yield the admissible columns (N, k) of an effect at each of several shapes."""
+    """Yield the admissible columns (N, k) of an effect at each of several shapes: none of which only a tail shows."""
     for everywhere in panel.sweep(effect, shapes, joint):
-        used = usable(panel, problem, effect, everywhere)
         columns = problem.of(everywhere)
+        told = bool(effect.shapes) and columns is not everywhere
+        shown = largest(columns) >= TAIL * largest(everywhere) if told else None
+        used = usable(panel, problem, effect, columns, shown)
         yield columns if used.all() else columns[:, used]
+
+
+def largest(columns: FloatArray) -> FloatArray:
+    """Largest size (k,) of each of columns (N, k)."""
+    found: FloatArray = np.abs(columns).max(axis=0, initial=0.0)
+    return found
 
 
 def coefficients(panel: Panel, problem: JointProblem, trial: Trial, joint: int) -> FloatArray:
     """Linear parameters (k,) of a trial fitted to a problem's rows; those at their bounds are nought."""
+    return _fitted(panel, problem, trial.effect, panel.columns(trial.effect, trial.shape, joint))
+
+
+def force_of(panel: Panel, problem: JointProblem, trial: Trial, joint: int) -> FloatArray:
+    """What a trial, fitted to a problem's rows, adds to all of the joint's rows, (N,)."""
     everywhere = panel.columns(trial.effect, trial.shape, joint)
-    used = usable(panel, problem, trial.effect, everywhere)
+    added: FloatArray = everywhere @ _fitted(panel, problem, trial.effect, everywhere)
+    return added
+
+
+def _fitted(panel: Panel, problem: JointProblem, effect: Effect, everywhere: FloatArray) -> FloatArray:
+    columns = problem.of(everywhere)
+    used = usable(panel, problem, effect, columns)
     values = np.zeros(len(used))
-    values[used] = problem.fit(problem.of(everywhere)[:, used])[problem.matrix.shape[1] :]
+    values[used] = problem.fit(columns[:, used])[problem.matrix.shape[1] :]
     return values
 
 

@@ -13,7 +13,7 @@ import numpy as np
 
 from ident.arrays import FloatArray
 from ident.cutoff import HIGHEST_SHARE
-from ident.gap.candidates import Trial, admissible, coefficients, refine
+from ident.gap.candidates import Trial, admissible, force_of, refine
 from ident.gap.joint_gap import JointGap
 from ident.gap.panel import Panel
 from ident.log import JointLog
@@ -145,6 +145,4 @@ def _said(truth: Trial, besides: Sequence[Trial], joined: Joined) -> FloatArray:
     panel, gap = joined.panel, joined.gap
     logs = np.arange(len(panel)) < len(panel) - joined.added
     problem = gap.without(~logs).problem(panel, besides)
-    found = coefficients(panel, problem, truth, gap.joint)
-    said: FloatArray = panel.columns(truth.effect, truth.shape, gap.joint) @ found
-    return said
+    return force_of(panel, problem, truth, gap.joint)

@@ -145,7 +145,7 @@ class JointGap:
             return self.matrix
         plain = JointProblem(self.matrix, self.target, self.fold(panel), self.keep)
         found = [(trial.effect, panel.columns(trial.effect, trial.shape, self.joint)) for trial in named]
-        return np.hstack([self.matrix, *(c[:, usable(panel, plain, effect, c)] for effect, c in found)])
+        return np.hstack([self.matrix, *(c[:, usable(panel, plain, effect, plain.of(c))] for effect, c in found)])
 
 
 def starts_of(panel: Panel, problem: JointProblem) -> IntArray:

@@ -12,7 +12,7 @@ from scipy.optimize import lsq_linear
 from ident.arrays import FloatArray
 from ident.effects.base import Effect, Survey
 from ident.gap.agreement import AGREES, Predicted, agrees, agrees_at_any_pace
-from ident.gap.candidates import Trial, admissible, best_trials, coefficients, forms
+from ident.gap.candidates import Trial, admissible, best_trials, force_of, forms
 from ident.gap.gate import MOVING, Gate
 from ident.gap.joint_gap import JointGap, Named, classes_of, gate_of, nested_errors
 from ident.gap.panel import Panel
@@ -134,17 +134,10 @@ class Beside:
 
         A law that softens force must explain enough beside what the filter cuts away, too.
         """
-        if trial.effect.softens and not self.gains_by(panel, self.force(panel, trial)):
+        if trial.effect.softens and not self.gains_by(panel, force_of(panel, self.problem, trial, self.joint)):
             return False
         others = [gap for gap in (self.gap.bare(), self.gap.edged()) if gap.matrix.shape != self.gap.matrix.shape]
         return all(self._gains_in(panel, gap, trial) for gap in others)
-
-    def force(self, panel: Panel, trial: Trial) -> FloatArray:
-        """What a candidate adds to the joint's rows, (N,)."""
-        added: FloatArray = panel.columns(trial.effect, trial.shape, self.joint) @ coefficients(
-            panel, self.problem, trial, self.joint
-        )
-        return added
 
     def gains_by(self, panel: Panel, force: FloatArray) -> bool:
         """Whether a force (N,) in the joint's rows explains enough beside what the filter cuts away, too."""
