@@ -10,6 +10,7 @@ from scipy.ndimage import binary_dilation
 from ident.arrays import BoolArray, FloatArray
 from ident.effects.base import Survey
 from ident.gap.abstain import explainable
+from ident.gap.bursts import bursts
 from ident.gap.candidates import coefficients
 from ident.gap.constancy import inconstancy
 from ident.gap.counts import counted_force
@@ -117,9 +118,13 @@ def unexplained(
     line = _line(panel, problem, gap.joint)
     if line is not None and line[1] > max(WORTH_SAYING, _feigned(panel, survey, problem, gap.joint)):
         return [Unexplained((gap.joint,), (f"t ({line[0]:.2g} Hz)",), line[1])]
-    uneven = _uneven(panel, problem, gap.joint, mistimed[problem.keep])
+    squares = np.maximum(problem.residual**2 - (BEYOND * mistimed[problem.keep]) ** 2, 0.0)
+    uneven = _uneven(panel, problem, gap.joint, squares)
     if uneven is not None:
         return [Unexplained((gap.joint,), (f"{uneven[0]} (its size)",), uneven[1])]
+    rare = bursts(squares, starts_of(panel, problem), row_step(panel))
+    if rare > WORTH_SAYING:
+        return [Unexplained((gap.joint,), ("t (in bursts)",), rare)]
     past = _remembered(panel, problem)
     return [Unexplained((gap.joint,), ("t (its own past)",), past)] if past > WORTH_SAYING else []
 
@@ -153,13 +158,11 @@ def _feigned(panel: Panel, survey: Survey, problem: JointProblem, joint: int) ->
     return 0.5 * counted_force(panel, survey, joint) ** 2 / max(float(np.mean(problem.residual**2)), 1e-300)
 
 
-def _uneven(panel: Panel, problem: JointProblem, joint: int, mistimed: FloatArray) -> tuple[str, float] | None:
-    """What the size of the residual follows, and the share of its square by which it is larger there than elsewhere.
+def _uneven(panel: Panel, problem: JointProblem, joint: int, squares: FloatArray) -> tuple[str, float] | None:
+    """What the size of the residual follows, and the share of its squares (N,) by which they are larger there.
 
-    That is slow motion, or a load about to change sides, as where gears have play; None unless it is far more there,
-    beyond what dry friction makes that turns too early or late.
+    That is slow motion, or a load about to change sides, as where gears have play; None unless it is far more there.
     """
-    squares = np.maximum(problem.residual**2 - (BEYOND * mistimed) ** 2, 0.0)
     slow = classes_of(panel, problem, joint) < MOVING
     load, sides = panel.seen("load")[:, joint], np.sign(panel.velocity[:, joint])
     sides[problem.keep[slow]] = 0.0  # a side of its own

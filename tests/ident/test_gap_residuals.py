@@ -7,6 +7,7 @@ import pytest
 from scipy.signal import lfilter
 
 from ident.gap.agreement import IN_TIME, Predicted, agrees, agrees_at_any_pace
+from ident.gap.bursts import bursts
 from ident.gap.counts import counted_acceleration
 from ident.gap.gate import Gate, surrogates
 from ident.gap.memory import remembered
@@ -105,6 +106,19 @@ def test_a_wandering_offset_is_told_from_noise():
     walk = np.cumsum(rng.standard_normal(6000)) / 40.0
     assert wandering(noise + walk, starts, 0.01) > 0.1
     assert wandering(noise[:500], np.array([0]), 0.01) == 0.0
+
+
+def test_rare_bursts_are_told_from_noise_and_from_motion():
+    rng, starts = np.random.default_rng(0), np.array([0, 4000])
+    noise = lfilter([1.0], [1.0, -0.7], rng.standard_normal(8000))
+    knocks = np.zeros(8000)
+    for first in rng.choice(7900, 30, replace=False):
+        knocks[first : first + 10] += 30.0 * np.cos(2.0 * np.arange(10)) * np.exp(-0.3 * np.arange(10))
+    share = float(np.sum(knocks**2) / np.sum((noise + knocks) ** 2))
+    assert bursts(noise**2, starts, 0.01) == 0.0
+    assert bursts((noise + knocks) ** 2, starts, 0.01) == pytest.approx(share, abs=0.1)
+    moving = np.repeat([1.0, 5.0, 1.0, 5.0], 2000)
+    assert bursts((moving * noise) ** 2, starts, 0.01) == 0.0
 
 
 def test_what_only_the_rows_held_out_tell_of_the_baseline_hides_no_effect():
