@@ -141,10 +141,10 @@ class Reporter:
         own = replace(gap, target=gap.target + columns_of(self.subject.panel, whole, gap.joint))
         besides, one = [n.trial for n in named], Trial(effect, whole.shape, 0.0)
         experiments = {name: self._experiment(own, one, other, besides) for name, other in whole.alternatives.items()}
-        joints = () if effect.joint is None else (effect.joint,)
+        joints, law = () if effect.joint is None else (effect.joint,), whole.law or whole
         return Finding(
             effect.name, effect.family, joints, {}, whole.p_value, tuple(whole.alternatives),
-            next_experiment(effect.name, experiments), (_term(effect, whole.shape, whole.coefficients),), np.inf,
+            next_experiment(effect.name, experiments), (_term(effect, law.shape, law.coefficients),), np.inf,
             motions=_settling(experiments),
         )  # fmt: skip
 

@@ -63,6 +63,8 @@ class Whole:
         p_value: chance of so good a candidate where there is nothing.
         alternatives: names that explain nearly as much, with their fitted shapes.
         joint: where it shows most.
+        law: the same at the shape that suits the only coefficients that its law means, if that explains nearly as much.
+            Any coefficient may make up for any shape: twice the current, through a filter twice as quick.
     """
 
     effect: Effect
@@ -74,6 +76,7 @@ class Whole:
     p_value: float = 1.0
     alternatives: Mapping[str, Trial] = field(default_factory=dict)
     joint: int = 0
+    law: Whole | None = None
 
 
 def whole_effect(
@@ -270,10 +273,9 @@ def _try(
     law = best if any_is_its else searched([*starts, best.shape], lawful=True)
     assert law is not None
     limit = at_bound(effect, law.shape)
-    if law is not best and not limit and law.likelihood >= (1.0 - RIVAL_LAW) * best.likelihood:
-        # Any coefficient may make up for any shape: twice the current, through a filter twice as quick.
-        best = at(law.shape, lawful=False) or best
-    return replace(best, standing=law.likelihood * (1.0 - RIVAL_LAW if limit else 1.0))
+    near = law is not best and not limit and law.likelihood >= (1.0 - RIVAL_LAW) * best.likelihood
+    standing = law.likelihood * (1.0 - RIVAL_LAW if limit else 1.0)
+    return replace(best, standing=standing, law=at(law.shape, lawful=False) if near else None)
 
 
 def _starts(panel: Panel, searches: Sequence[Search], effect: Effect) -> list[FloatArray]:
