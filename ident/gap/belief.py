@@ -52,6 +52,9 @@ MOST = 0.5
 WORTH_SAYING = 0.06
 """Share of a joint's squared residual that must be explainable for it to be called unexplained."""
 
+BURSTS = 0.15
+"""The same of rare bursts: turns of friction that yields by another law than modelled make .09."""
+
 
 def believed(panel: Panel, survey: Survey, gap: JointGap, named: Sequence[Named]) -> list[Named]:
     """The names of a joint whose coefficients are constant; none if they leave much of what could be explained."""
@@ -123,7 +126,7 @@ def unexplained(
     if uneven is not None:
         return [Unexplained((gap.joint,), (f"{uneven[0]} (its size)",), uneven[1])]
     rare = bursts(squares, starts_of(panel, problem), row_step(panel))
-    if rare > WORTH_SAYING:
+    if rare > BURSTS:
         return [Unexplained((gap.joint,), ("t (in bursts)",), rare)]
     past = _remembered(panel, problem)
     return [Unexplained((gap.joint,), ("t (its own past)",), past)] if past > WORTH_SAYING else []
