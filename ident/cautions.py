@@ -83,7 +83,7 @@ def reach_warnings(robot: Robot, train: Sequence[LogSource], test: Sequence[LogS
     share = np.mean([(x < low - margin) | (x > high + margin) for x in np.concatenate(asked)], axis=0)
     further = []
     for j in range(robot.n):
-        unit = "m" if robot.multibody.prismatic[j] else "rad"
+        unit = robot.displacement_unit(j)
         known = (f"beyond {low[0, j]:.3g} to {high[0, j]:.3g} {unit}", f"faster than {high[1, j]:.3g} {unit}/s")
         parts = [f"{words} in {100 * share[k, j]:.0f} %" for k, words in enumerate(known) if share[k, j] > ROWS]
         if parts:

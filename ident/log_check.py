@@ -136,7 +136,7 @@ class LogChecker:
         outside = beyond & ~free
         if outside.any():
             row, joint = np.argwhere(outside)[0]
-            unit = "m" if prismatic[joint] else "rad"
+            unit = self.robot.displacement_unit(int(joint))
             what = (
                 f"q{joint + 1} = {piece.q[row, joint]:.4g} {unit} is outside the limits "
                 f"{lower[joint]:.4g} to {upper[joint]:.4g} of joint {joint + 1} ({self.robot.joints[joint]})"

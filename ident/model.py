@@ -58,9 +58,9 @@ class CurrentModel:
 
     def unit_of(self, effect: Effect, parameter: Coefficient | Shape) -> str:
         """Return the unit of a parameter of one of its effects, written out."""
-        prismatic = effect.joint is not None and bool(self.robot.multibody.prismatic[effect.joint])
-        force = "N" if prismatic and self.force_unit == NEWTON_METRE else self.force_unit
-        return parameter.unit.replace("{current}", force).replace("{angle}", "m" if prismatic else "rad")
+        angle = "rad" if effect.joint is None else self.robot.displacement_unit(effect.joint)
+        force = "N" if angle == "m" and self.force_unit == NEWTON_METRE else self.force_unit
+        return parameter.unit.replace("{current}", force).replace("{angle}", angle)
 
     @cached_property
     def link_parameters(self) -> FloatArray:

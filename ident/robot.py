@@ -77,6 +77,14 @@ class Robot:
         """Unit of the motor current."""
         return self.card.current_unit
 
+    def displacement_unit(self, joint: int) -> str:
+        """Return the unit of a joint's position: rad, or m where it slides.
+
+        Args:
+            joint: from 0.
+        """
+        return "m" if self.multibody.prismatic[joint] else "rad"
+
     @cached_property
     def rigid_body(self) -> RigidBody:
         """Batch dynamics of the links."""

@@ -78,8 +78,7 @@ def sentence(found: GapReport, finding: Finding) -> str:
     where = f"Joint {finding.joints[0] + 1}" if len(finding.joints) == 1 else "Whole robot"
     if len(finding.joints) > 1:
         where = "Joints " + ", ".join(str(j + 1) for j in finding.joints)
-    prismatic = found.model.robot.multibody.prismatic
-    angle = "m" if len(finding.joints) == 1 and prismatic[finding.joints[0]] else "rad"
+    angle = found.model.robot.displacement_unit(finding.joints[0]) if len(finding.joints) == 1 else "rad"
     figures = ", ".join(
         f"{key} {_number(value)} {UNITS.get(key, '').replace(ANGLE, angle)}".rstrip()
         for key, value in finding.parameters.items()

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
-from scipy.ndimage import uniform_filter1d
 
 from ident.arrays import FloatArray, IntArray
+from ident.gap.moving_average import moving_average
 
 WINDOW = 0.1
 """Seconds over which squares are averaged; gears ring for as long after a knock."""
@@ -25,10 +25,7 @@ def bursts(squares: FloatArray, starts: IntArray, step: float) -> float:
         starts: numbers of the rows with which each stretch begins.
         step: seconds from row to row.
     """
-    rows = max(1, round(WINDOW / step))
-    power = np.concatenate([
-        uniform_filter1d(stretch, rows, mode="nearest") for stretch in np.split(squares, starts[1:]) if len(stretch)
-    ])  # fmt: skip
+    power = moving_average(squares, starts, max(1, round(WINDOW / step)))
     usual = float(np.quantile(power, USUAL))
     there = power > TIMES * usual
     if usual <= 0.0 or not there.any() or there.mean() > RARE:

@@ -7,7 +7,6 @@ spring that swings makes up for some of that.
 from __future__ import annotations
 
 import itertools
-from collections.abc import Iterator, Sequence
 
 import numpy as np
 
@@ -17,21 +16,20 @@ from ident.signals import Motion, derive
 from ident.walk import Block
 
 
-def cut_away_of(model: CurrentModel, blocks: Sequence[Block], again: Sequence[Motion]) -> Iterator[FloatArray]:
-    """Yield columns (N, n, 4), block by block, by which each joint's force may differ for what the filter cuts away.
+def cut_away(model: CurrentModel, block: Block, twice: Motion) -> FloatArray:
+    """Columns (N, n, 4), in a block's rows, by which each joint's force may differ for what the filter cuts away.
 
     What it cuts away is a series in what it takes of its own result (van Cittert 1931): once and once more, of the
     links' force and of the joint's acceleration.
 
     Args:
         model: the model, with its links.
-        blocks: stretches of the logs.
-        again: their motions, filtered once more.
+        block: a stretch of the logs.
+        twice: its motion, filtered once more.
     """
-    for block, twice in zip(blocks, again, strict=True):
-        motions = (block.motion, twice, filtered_again(model, block, twice))
-        seen = [np.stack([model.load(motion), motion.ddq], axis=2) for motion in motions]
-        yield np.concatenate([one - other for one, other in itertools.pairwise(seen)], axis=2)
+    motions = (block.motion, twice, filtered_again(model, block, twice))
+    seen = [np.stack([model.load(motion), motion.ddq], axis=2) for motion in motions]
+    return np.concatenate([one - other for one, other in itertools.pairwise(seen)], axis=2)
 
 
 def filtered_again(model: CurrentModel, block: Block, motion: Motion) -> Motion:

@@ -19,20 +19,42 @@ FAST = 99.0
 """Percentile of a joint's speed in a log that counts as its speed."""
 
 
+def log_numbers(blocks: Sequence[Block], rows: Sequence[IntArray]) -> IntArray:
+    """Number of the log, in order of appearance, that each row looked at of blocks is of."""
+    names = [block.log.name for block in blocks]
+    order = list(dict.fromkeys(names))
+    return np.repeat([order.index(name) for name in names], [len(looked_at) for looked_at in rows])
+
+
 def folds_of(blocks: Sequence[Block], rows: Sequence[IntArray]) -> IntArray:
     """Number of the fold of each row: logs dealt out, or cut into parts where they are few or one is by far faster."""
     names = list(dict.fromkeys(block.log.name for block in blocks))
     logs = [[k for k, block in enumerate(blocks) if block.log.name == name] for name in names]
     parts = np.full(len(names), -(-FOLDS // len(names)))
     parts[_faster(blocks, rows, logs)] = FOLDS
-    fold = [np.empty(0, dtype=np.int64)] * len(blocks)
-    for number, own in enumerate(logs):
-        total, seen = sum(len(rows[k]) for k in own), 0
-        for k in own:
-            order = seen + np.arange(len(rows[k]))
-            fold[k] = (number * parts[number] + order * parts[number] // max(total, 1)) % FOLDS
-            seen += len(rows[k])
-    return np.concatenate(fold)
+    log = log_numbers(blocks, rows)
+    return _dealt(log, np.ones(len(log), dtype=bool), parts)
+
+
+def even_folds(log: IntArray, keep: BoolArray) -> IntArray:
+    """Number of the fold of each row, every log being cut into a part of each by those of its rows that count.
+
+    Args:
+        log: number of the log (N,) that each row is of.
+        keep: rows (N,) that count.
+    """
+    return _dealt(log, keep, np.full(log.max(initial=-1) + 1, FOLDS))
+
+
+def _dealt(log: IntArray, keep: BoolArray, parts: IntArray) -> IntArray:
+    """Cut logs into so many parts each, of as many rows that count, and deal those out to folds."""
+    fold = np.zeros(len(log), dtype=np.int64)
+    for number, count in enumerate(parts.tolist()):
+        own = np.flatnonzero(log == number)
+        before: IntArray = np.cumsum(keep[own]) - keep[own]
+        part = np.minimum(before * count // max(int(keep[own].sum()), 1), count - 1)
+        fold[own] = (number * count + part) % FOLDS
+    return fold
 
 
 def _faster(blocks: Sequence[Block], rows: Sequence[IntArray], logs: Sequence[Sequence[int]]) -> list[int]:
@@ -48,18 +70,3 @@ def _faster(blocks: Sequence[Block], rows: Sequence[IntArray], logs: Sequence[Se
         return []
     fold = np.arange(len(logs)) % FOLDS
     return [k for k in range(len(logs)) if np.any(speeds[k] > FASTER * speeds[fold != fold[k]].max(axis=0))]
-
-
-def even_folds(log: IntArray, keep: BoolArray) -> IntArray:
-    """Number of the fold of each row, every log being cut into a part of each by those of its rows that count.
-
-    Args:
-        log: number of the log (N,) that each row is of.
-        keep: rows (N,) that count.
-    """
-    fold = np.zeros(len(log), dtype=np.int64)
-    for number in np.unique(log):
-        own = np.flatnonzero(log == number)
-        before: IntArray = np.cumsum(keep[own]) - keep[own]
-        fold[own] = before * FOLDS // max(int(keep[own].sum()), 1)
-    return np.minimum(fold, FOLDS - 1)

@@ -71,11 +71,8 @@ def name_causes(subject: Subject, keep: BoolArray, tell: Callable[[float], None]
         named = _attributed(subject, _searches(subject, _without(subject, gaps, beside)))
     tell(1.0)
     gaps, sure, doubted = map(list, zip(*(_judged(subject, one) for one in named), strict=True))
-    stuck = [
-        gap.joint
-        for gap, *names in zip(gaps, sure, doubted, strict=True)
-        for _ in _slipless(subject, gap, [one for some in names for one in some])
-    ]
+    each = zip(gaps, sure, doubted, strict=True)
+    stuck = [gap.joint for gap, names, others in each if _slipless(subject, gap, [*names, *others])]
     return Causes(wholes, gaps, sure, doubted, p_values, stuck)
 
 

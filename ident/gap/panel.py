@@ -13,7 +13,8 @@ import numpy.typing as npt
 from ident.arrays import FloatArray, IntArray
 from ident.effects.base import Context, Effect
 from ident.effects.direction import DirectedEffect
-from ident.gap.cut_away import cut_away_of, filtered_again
+from ident.gap.cut_away import cut_away, filtered_again
+from ident.gap.folds import log_numbers
 from ident.gap.jolts import jolts
 from ident.model import CurrentModel
 from ident.robot import Robot
@@ -66,13 +67,13 @@ class Panel:
     @cached_property
     def cut_away(self) -> FloatArray:
         """Columns (N, n, 4) by which each joint's force may differ for what the filter cuts away of the motion."""
-        columns = cut_away_of(self.model, self.blocks, self.filtered_again)
-        return np.concatenate([one[looked_at] for one, looked_at in zip(columns, self.rows, strict=True)])
+        return self.gather(lambda block: cut_away(self.model, block, self.filtered_again(block)))
 
-    @cached_property
-    def filtered_again(self) -> list[Motion]:
-        """Each block's motion filtered once more."""
-        return [filtered_again(self.model, block, block.motion) for block in self.blocks]
+    def filtered_again(self, block: Block) -> Motion:
+        """A block's motion filtered once more."""
+        if id(block) not in self._again:
+            self._again[id(block)] = filtered_again(self.model, block, block.motion)
+        return self._again[id(block)]
 
     def seen_by(self, model: CurrentModel) -> Panel:
         """The same rows with what effects see of them under another model."""
@@ -126,6 +127,10 @@ class Panel:
         return {}
 
     @cached_property
+    def _again(self) -> dict[int, Motion]:
+        return {}
+
+    @cached_property
     def _kept(self) -> dict[Effect, FloatArray]:
         return {}
 
@@ -163,9 +168,7 @@ class Panel:
     @cached_property
     def log(self) -> IntArray:
         """Number of the log (N,) that each row is of."""
-        names = [block.log.name for block in self.blocks]
-        numbers = [names.index(name) for name in names]
-        return np.repeat(np.array(numbers, dtype=np.int64), [len(rows) for rows in self.rows])
+        return log_numbers(self.blocks, self.rows)
 
     @cached_property
     def start(self) -> IntArray:

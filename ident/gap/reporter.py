@@ -44,12 +44,15 @@ class Start:
     Attributes:
         model: the model before anything was found.
         lag: of the logged velocities, which the subject's model does without.
-        known: how many terms the model had before its gains were found wrong.
     """
 
     model: CurrentModel
     lag: VelocityLag | None
-    known: int
+
+    @property
+    def known(self) -> int:
+        """How many terms the model had before its gains were found wrong."""
+        return len(self.model.terms)
 
 
 @dataclass(eq=False)

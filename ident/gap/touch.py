@@ -7,13 +7,14 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.ndimage import binary_dilation, find_objects, label, uniform_filter1d
+from scipy.ndimage import binary_dilation, find_objects, label
 
 from ident.arrays import BoolArray, FloatArray, IntArray
 from ident.effects.base import Survey
 from ident.gap.candidates import Trial
 from ident.gap.gate import MOVING, speed_classes
 from ident.gap.joint_gap import JointGap
+from ident.gap.moving_average import moving_average
 from ident.gap.panel import Panel
 from ident.log import LogSource, WithoutStretches
 
@@ -162,12 +163,7 @@ def _lasting(marked: BoolArray, edges: IntArray, shortest: int) -> BoolArray:
 
 def _averaged(panel: Panel, residuals: FloatArray) -> FloatArray:
     """Residuals (N, ...) averaged over a little time, within each block."""
-    averaged = np.zeros_like(residuals)
-    length = max(1, round(SMOOTH / row_step(panel)))
-    for a, b in itertools.pairwise([*panel.start.tolist(), len(panel)]):
-        if b > a:
-            averaged[a:b] = uniform_filter1d(residuals[a:b], length, axis=0, mode="nearest")
-    return averaged
+    return moving_average(residuals, panel.start, max(1, round(SMOOTH / row_step(panel))))
 
 
 def _pieces(marked: BoolArray, edges: IntArray) -> Iterator[tuple[int, int, int]]:

@@ -71,10 +71,9 @@ def shaken(model: CurrentModel, panel: Panel, survey: Survey) -> FloatArray:
 
 def mistimed(model: CurrentModel, panel: Panel, survey: Survey) -> FloatArray:
     """The same (N, n) with what the filter smears: where a joint starts at once it seems to start before."""
-    again = {id(block): motion for block, motion in zip(panel.blocks, panel.filtered_again, strict=True)}
 
     def smeared(block: Block, which: str) -> FloatArray:
-        return smear(model, block, getattr(block.motion, which) - getattr(again[id(block)], which))
+        return smear(model, block, getattr(block.motion, which) - getattr(panel.filtered_again(block), which))
 
     bent = _bent(model, panel, survey, lambda b: smeared(b, "dq"), lambda b: smeared(b, "q"))
     return np.where(turning(panel, survey), np.hypot(shaken(model, panel, survey), bent), 0.0)

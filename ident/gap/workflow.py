@@ -75,7 +75,7 @@ def _find_gap(
         logged = replace(subject.model, positions_only=False)
         start = subject.fitted(logged, []) if refit else logged
     reporter = Reporter(
-        subject, Start(start, lag, len(subject.model.terms)), test, motions, lambda share: tell("settling names", share)
+        subject, Start(start, lag), test, motions, lambda share: tell("settling names", share)
     )  # fmt: skip
     tell("comparing joints", 0.0)
     while refit and (gain := wrong_gain(subject)) is not None:

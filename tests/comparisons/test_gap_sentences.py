@@ -2,7 +2,6 @@
 
 from types import SimpleNamespace
 
-import numpy as np
 import pytest
 
 from comparisons.report.gap import nameless, sentence
@@ -24,7 +23,7 @@ def test_it_is_said_what_a_size_that_follows_a_signal_means(signal, words):
 @pytest.mark.parametrize(("slides", "unit"), [(True, "m"), (False, "rad")])
 def test_displacements_have_the_unit_of_their_joint(slides, unit):
     found = SimpleNamespace(
-        model=SimpleNamespace(robot=SimpleNamespace(multibody=SimpleNamespace(prismatic=np.array([False, slides])))),
+        model=SimpleNamespace(robot=SimpleNamespace(displacement_unit=("rad", "m" if slides else "rad").__getitem__)),
         evidence=None,
     )
     play = Finding("backlash", "hysteresis", (1,), {"gap": 5e-5, "share": 0.9}, 1e-6, (), None, (), 0.4)

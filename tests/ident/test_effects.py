@@ -233,26 +233,6 @@ def test_a_ripple_is_one_if_two_of_its_waves_are_seen(vs060):
     assert GearRipple.candidates(wide, 2)[0].shapes[0].lower == pytest.approx(4.0 * np.pi / 3.0)
 
 
-def test_maxwell_elements_stick_slip_and_remember(vs060):
-    q = np.zeros((5, 6))
-    q[:, 2] = [0.0, 5e-4, 2e-3, 1.5e-3, 1.5e-3]
-    still = np.zeros_like(q)
-    context = Context(vs060, Motion(np.arange(5.0), q, still, still))
-    effect = MaxwellSlip(2, spread=(1.0,))
-    force = effect.columns(context, np.array([1e-3]), effect.start())[:, 0]
-    np.testing.assert_allclose(force, [0.0, 0.5, 1.0, 0.5, 0.5])
-
-
-def test_maxwell_elements_pass_over_an_unknown_position(vs060):
-    q = np.full((4, 6), np.nan)
-    q[1:, 0] = [0.0, 5e-4, 2e-3]
-    still = np.zeros_like(q)
-    context = Context(vs060, Motion(np.arange(4.0), q, still, still))
-    effect = MaxwellSlip(0, spread=(1.0,))
-    force = effect.columns(context, np.array([1e-3]), effect.start())[:, 0]
-    np.testing.assert_allclose(force, [np.nan, 0.0, 0.5, 1.0])
-
-
 def test_wrong_uses_are_refused(context):
     with pytest.raises(InputError, match="load"):
         LoadFriction(0).columns(dataclasses.replace(context, load=None), np.zeros(0), np.zeros(0))

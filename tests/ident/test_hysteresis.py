@@ -1,4 +1,4 @@
-"""Play between motor and link: held by friction, or flown through."""
+"""Effects that remember: Maxwell elements, and play between motor and link that is held or flown through."""
 
 import numpy as np
 import pytest
@@ -7,11 +7,31 @@ from scipy.interpolate import CubicSpline
 
 from ident.effects.base import Context, initial_term
 from ident.effects.direction import SMOOTHING
-from ident.effects.hysteresis import Backlash
+from ident.effects.hysteresis import Backlash, MaxwellSlip
 from ident.signals import Motion
 
 DRY = 5.0
 """Dry friction [N m] of the joint, of which some may brake its link."""
+
+
+def test_maxwell_elements_stick_slip_and_remember(vs060):
+    q = np.zeros((5, 6))
+    q[:, 2] = [0.0, 5e-4, 2e-3, 1.5e-3, 1.5e-3]
+    still = np.zeros_like(q)
+    context = Context(vs060, Motion(np.arange(5.0), q, still, still))
+    effect = MaxwellSlip(2, spread=(1.0,))
+    force = effect.columns(context, np.array([1e-3]), effect.start())[:, 0]
+    np.testing.assert_allclose(force, [0.0, 0.5, 1.0, 0.5, 0.5])
+
+
+def test_maxwell_elements_pass_over_an_unknown_position(vs060):
+    q = np.full((4, 6), np.nan)
+    q[1:, 0] = [0.0, 5e-4, 2e-3]
+    still = np.zeros_like(q)
+    context = Context(vs060, Motion(np.arange(4.0), q, still, still))
+    effect = MaxwellSlip(0, spread=(1.0,))
+    force = effect.columns(context, np.array([1e-3]), effect.start())[:, 0]
+    np.testing.assert_allclose(force, [np.nan, 0.0, 0.5, 1.0])
 
 
 @pytest.mark.parametrize("falls", [True, False])
