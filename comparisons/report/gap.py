@@ -12,6 +12,7 @@ from comparisons.report import style
 from comparisons.report.provenance import Provenance
 from comparisons.report.report import Report
 from comparisons.report.rests import sticking, yielding
+from ident.gap.report import ITS_SIZE
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -56,7 +57,7 @@ SIZES = {
     "load": "it is larger where that changes sides, as where gears have play",
     "|dq": "it is larger in slow motion",
 }
-"""What is meant where only the size of what is unexplained follows a signal."""
+"""What is meant where only the size of what is unexplained follows a signal that begins so."""
 
 POINTS = 4000
 
@@ -69,8 +70,9 @@ def nameless(one: Unexplained) -> str:
     joints = ", ".join(str(j + 1) for j in one.joints)
     follows = ", ".join(one.depends_on) or "no one signal"
     text = f"Joint {joints}: {100 * one.share:.0f} % of the squared residual is unexplained; it follows {follows}"
-    size = next((words for key, words in SIZES.items() if follows.startswith(key) and "its size" in follows), None)
-    return f"{text}." if size is None else f"{text}: {size}."
+    if not follows.endswith(ITS_SIZE):
+        return f"{text}."
+    return f"{text}: {next(words for key, words in SIZES.items() if follows.startswith(key))}."
 
 
 def sentence(found: GapReport, finding: Finding) -> str:

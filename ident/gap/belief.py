@@ -19,7 +19,7 @@ from ident.gap.joint_gap import JointGap, Named, classes_of, starts_of
 from ident.gap.memory import remembered
 from ident.gap.panel import Panel
 from ident.gap.problem import JointProblem
-from ident.gap.report import Unexplained
+from ident.gap.report import ITS_SIZE, Unexplained
 from ident.gap.spectrum import spectral_line
 from ident.gap.touch import row_step
 from ident.gap.unsure import BEYOND
@@ -124,7 +124,7 @@ def unexplained(
     squares = np.maximum(problem.residual**2 - (BEYOND * mistimed[problem.keep]) ** 2, 0.0)
     uneven = _uneven(panel, problem, gap.joint, squares)
     if uneven is not None:
-        return [Unexplained((gap.joint,), (f"{uneven[0]} (its size)",), uneven[1])]
+        return [Unexplained((gap.joint,), (uneven[0] + ITS_SIZE,), uneven[1])]
     rare = bursts(squares, starts_of(panel, problem), row_step(panel))
     if rare > BURSTS:
         return [Unexplained((gap.joint,), ("t (in bursts)",), rare)]

@@ -15,6 +15,9 @@ from ident.gap.panel import Panel
 from ident.gap.preflight import Untestable
 from ident.model import CurrentModel
 
+ITS_SIZE = " (its size)"
+"""Ends the name of a signal that only the size of what is unexplained follows."""
+
 
 @dataclass(frozen=True, eq=False)
 class Finding:
@@ -53,6 +56,7 @@ class Unexplained:
     Attributes:
         joints: from 0.
         depends_on: signals, such as ``q2`` or ``sign(dq2)``, joints counted from 1; none where no one of them tells it.
+            One that only its size follows ends in ``ITS_SIZE``.
         share: of the squared residual, 0 to 1.
     """
 
