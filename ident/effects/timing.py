@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from abc import abstractmethod
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -16,7 +17,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True)
-class _Timing(Effect):
+class Timing(Effect):
     """An effect on the whole of the reported current, of one joint or of all."""
 
     softens = True
@@ -31,6 +32,10 @@ class _Timing(Effect):
         total = context.needed("total", self.name)
         return np.ascontiguousarray(total if self.joint is None else total[:, self.joint, None])
 
+    @abstractmethod
+    def lateness(self, shape: FloatArray, coefficients: FloatArray) -> float:
+        """Return the seconds by which the current comes late in slow motion."""
+
 
 MOST_JOINTS = 32
 """Joints for which the memory has room."""
@@ -40,7 +45,7 @@ SAMPLES = 512
 
 
 @dataclass(frozen=True)
-class Delay(_Timing):
+class Delay(Timing):
     """A current that is stamped late, or a position that is stamped early.
 
     Minus the total's mean rate of change over a span of time before each sample: over a span as long as the delay this
@@ -76,6 +81,11 @@ class Delay(_Timing):
         """Return the span, so that all of the current comes late; any delay where the span is within a sample."""
         return None if float(shape[0]) <= self.sample else shape[:1]
 
+    def lateness(self, shape: FloatArray, coefficients: FloatArray) -> float:
+        """Return the span where it is the delay, else the delay to first order."""
+        meant = self.plain(shape)
+        return float((coefficients if meant is None else meant)[0])
+
     def start(self) -> FloatArray:
         """Return the last times and values, none known before the first sample."""
         return np.full(SAMPLES * (1 + MOST_JOINTS), np.nan)
@@ -89,7 +99,7 @@ class Delay(_Timing):
 
 
 @dataclass(frozen=True)
-class FilterLag(_Timing):
+class FilterLag(Timing):
     """A current that passes a first-order low pass before it is logged."""
 
     name = "filter-lag"
@@ -110,6 +120,10 @@ class FilterLag(_Timing):
     def plain(self, shape: FloatArray) -> FloatArray | None:
         """Return one: all of the current passes the filter."""
         return np.ones(1)
+
+    def lateness(self, shape: FloatArray, coefficients: FloatArray) -> float:
+        """Return the share that passes the filter of its time constant."""
+        return float(coefficients[0] / (2.0 * np.pi * shape[0]))
 
     def start(self) -> FloatArray:
         """Return the last time, values and input, not known before the first sample."""

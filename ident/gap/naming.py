@@ -9,11 +9,13 @@ import numpy as np
 
 from ident.arrays import BoolArray, FloatArray
 from ident.effects.base import Effect, Term
+from ident.effects.timing import Timing
 from ident.gap.attribute import attribute, still_holding
 from ident.gap.belief import believed
 from ident.gap.candidates import coefficients
 from ident.gap.edge import with_less_edge
 from ident.gap.joint_gap import JointGap, Named
+from ident.gap.panel import Panel
 from ident.gap.rests import slipless
 from ident.gap.search import Search, search
 from ident.gap.subject import Subject
@@ -41,6 +43,20 @@ class Causes:
     doubted: list[list[Named]]
     p_values: FloatArray
     stuck: list[int]
+
+    def lateness(self, panel: Panel) -> FloatArray:
+        """Seconds (n,) by which each joint's current comes late in slow motion."""
+        everywhere = sum(
+            w.effect.lateness(w.shape, w.coefficients) for w in self.wholes if isinstance(w.effect, Timing)
+        )
+        late = np.full(panel.robot.n, float(everywhere))
+        for gap, names in zip(self.gaps, self.named, strict=True):
+            for one in names:
+                if isinstance(one.effect, Timing):
+                    problem = gap.problem(panel, [other.trial for other in names if other is not one])
+                    found = coefficients(panel, problem, one.trial, gap.joint)
+                    late[gap.joint] += one.effect.lateness(one.trial.shape, found)
+        return late
 
 
 def name_causes(subject: Subject, keep: BoolArray, tell: Callable[[float], None]) -> Causes:

@@ -5,11 +5,13 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 
+from ident.arrays import FloatArray
 from ident.effects.base import Survey, Term
 from ident.errors import InputError
 from ident.fit import Drives, fit
 from ident.gap.edge import with_slight_edge
 from ident.gap.joint_gap import JointGap
+from ident.gap.lateness import turned_in_time
 from ident.gap.panel import Panel
 from ident.gap.rests import Rests, no_rests, rests_of
 from ident.gap.rows import gap_of, held_of, panel_of, survey_of
@@ -61,6 +63,15 @@ class Subject:
             self.rests = rests
             self._see()
         return more
+
+    def turn(self, late: FloatArray) -> bool:
+        """Look with signs of velocity that suit currents late by some seconds (n,); whether that makes a difference."""
+        found = turned_in_time(self.model, self.train, self.rests, late)
+        differs = any(new.effect != old.effect for new, old in zip(found.terms, self.model.terms, strict=True))
+        if differs:
+            self.model = found
+            self.look()
+        return differs
 
     def learn(self, term: Term) -> None:
         """Look with one more term in the model."""

@@ -81,10 +81,16 @@ def _find_gap(
     while refit and (gain := wrong_gain(subject)) is not None:
         subject.learn(gain)
     contacts: list[Touches] = []
+    turned = not refit
     while True:
         causes = name_causes(subject, ~_unsure(subject), lambda share: tell("trying effects", share))
         if subject.leave_out(causes.stuck):
             continue
+        # Signs of velocity were chosen before it was known that the current comes late, which blurs them.
+        if not turned and (late := causes.lateness(subject.panel)).any():
+            turned = True
+            if subject.turn(late):
+                continue
         found = _touches(subject, causes) if len(contacts) < ROUNDS else None
         if found is None:
             return reporter.report(causes, contacts)
