@@ -17,7 +17,7 @@ from ident.model import CurrentModel
 from ident.robot import Robot
 from ident.shapes import optimise_shapes
 from ident.uncertainty import covariance
-from ident.walk import Block, collect, thin, walk
+from ident.walk import Block, collect, kept_rows, slowest_rate, thin, walk
 
 HUBER = 1.345
 """Residuals beyond this many standard deviations lose weight (95 % efficiency on Gaussian noise)."""
@@ -89,7 +89,7 @@ def fit(
     """
     tell = progress or (lambda share: None)
     held = collect(sources, cutoff)
-    rate = next(iter(held)).log.rate if held else 0.0
+    rate = slowest_rate(held) if held else 0.0
     terms = [initial_term(e) for e in effects]
     if shapes is not None:
         terms = [replace(term, shape=shape) for term, shape in zip(terms, shapes, strict=True)]
@@ -110,8 +110,7 @@ def fit(
         solution = solve(design, factors)
     fitted = with_coefficients(design, solution.parameters)
     spread = covariance(fitted, design, solution, held)
-    kept = sum(int(block.keep.sum()) for block in held)
-    spread *= kept / max(factors.rows, 1)
+    spread *= kept_rows(held) / max(factors.rows, 1)
     model = CurrentModel(robot, with_std(design, fitted, spread), cutoff, rate, drives.gain, drives.force_unit)
     tell(1.0)
     return Fit(model, design, solution, factors, spread)

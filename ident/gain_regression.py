@@ -22,7 +22,7 @@ from ident.robot import Robot
 from ident.shapes import optimise_shapes
 from ident.signals import Motion
 from ident.uncertainty import correlation_time, covariance
-from ident.walk import Block, collect, walk
+from ident.walk import Block, collect, kept_rows, walk
 
 ROUNDS = 3
 """Renewals of the joints' weights, and of the load that friction depends on."""
@@ -170,7 +170,7 @@ class GainRegression:
         unused = np.zeros((0, 0))
         solution = Solution(parameters, np.ones(design.count, dtype=bool), unused, weights, np.nan, unused)
         everything = covariance(with_coefficients(design, parameters), design, solution, self.held)
-        held = sum(int(block.keep.sum()) for block in self.held)
+        held = kept_rows(self.held)
         spread: FloatArray = everything[np.ix_(moved, moved)] * held / found.factors.rows
         undetermined = np.diag(spread) <= 0.0
         spread = directions @ spread @ directions.T

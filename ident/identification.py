@@ -12,14 +12,16 @@ from threadpoolctl import threadpool_limits
 from ident.cautions import gain_warnings, sign_warnings, still_warnings
 from ident.drive_gain import GainEstimate
 from ident.effects import load_catalogue
-from ident.effects.base import Effect
+from ident.effects.base import Effect, Survey
 from ident.effects.direction import DirectedEffect, VelocityEffect
+from ident.effects.hysteresis import CrossJointHysteresis
 from ident.effects.transmission import CrossJointFriction
 from ident.errors import InputError
 from ident.feasible import Feasible, SolverFailure, feasible_parameters
 from ident.fit import Fit, fit
 from ident.gap.baseline import Foreseen, foreseen
 from ident.gap.rests import Rests, find_rests
+from ident.gap.rows import panel_of, survey_of
 from ident.gap.smoothing import SMOOTHINGS
 from ident.log import LogSource
 from ident.model import CurrentModel
@@ -161,7 +163,7 @@ def _identify(
         )
         used: Sequence[Effect] = structure.effects
     else:
-        used = _named(robot, start, effects)
+        used = _named(start, survey_of(seen.model, panel_of(seen.model, train)), effects)
     found = fit(robot, used, train, hertz, drives, robust, lambda share: tell("fitting", share), counts=rests.counts)
     model = replace(found.model, positions_only=seen.model.positions_only)
     feasible, trouble = _feasible(robot, found, start.gains)
@@ -200,7 +202,7 @@ def _turning(old: Effect, seen: Effect) -> Effect:
     return old if isinstance(seen, VelocityEffect) and seen.smoothing >= SMOOTHINGS[-1] else seen
 
 
-def _named(robot: Robot, start: Start, names: Sequence[str]) -> list[Effect]:
+def _named(start: Start, survey: Survey, names: Sequence[str]) -> list[Effect]:
     """Every joint's effects by name, in place of Coulomb and viscous friction."""
     catalogue = load_catalogue()
     for name in names:
@@ -208,15 +210,22 @@ def _named(robot: Robot, start: Start, names: Sequence[str]) -> list[Effect]:
             raise InputError(f"no effect is named {name!r}", "--effects", f"choose from {', '.join(sorted(catalogue))}")
     effects = [e for e in start.effects if not isinstance(e, VelocityEffect)]
     present = {effect.name for effect in effects}
-    moving = [j for j in range(robot.n) if j not in start.still]
-    for kind in [catalogue[name] for name in dict.fromkeys(names) if name not in present]:
-        if kind is CrossJointFriction:
-            effects += [CrossJointFriction(j, source) for j in moving for source in coupled(robot, j)]
-        elif issubclass(kind, VelocityEffect):
-            effects += [kind(j).turned_as(start.friction[j]) for j in moving]
-        else:
-            effects += [kind(j) for j in moving]
+    moving = [j for j in range(survey.robot.n) if j not in start.still]
+    for name in dict.fromkeys(names):
+        if name not in present:
+            found = [effect for j in moving for effect in _on_joint(catalogue[name], start, survey, j)]
+            if not found:
+                raise InputError(f"{name} is no effect of one joint of this robot", "--effects", "leave it out")
+            effects += found
     return effects
+
+
+def _on_joint(kind: type[Effect], start: Start, survey: Survey, joint: int) -> list[Effect]:
+    """An effect of a joint as the logs ask for, if there is one; of other joints, those that are coupled."""
+    if issubclass(kind, CrossJointFriction | CrossJointHysteresis):
+        return [kind(joint, source) for source in coupled(survey.robot, joint)]
+    found = kind.candidates(survey, joint)[:1]
+    return [one.turned_as(start.friction[joint]) if isinstance(one, VelocityEffect) else one for one in found]
 
 
 def _feasible(robot: Robot, found: Fit, gains: Gains) -> tuple[Feasible | None, list[str]]:

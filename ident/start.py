@@ -26,12 +26,16 @@ from ident.model import NEWTON_METRE, CurrentModel
 from ident.payload import Payload
 from ident.robot import Robot
 from ident.signals import CutoffChoice, choose_cutoff, derivative_noise
-from ident.walk import Block, collect
+from ident.walk import Block, collect, slowest_rate
 
 Gains = Literal["known", "shared", "per-joint", "payload"]
 
 CUTOFF_ROWS = 100_000
 """Rows of each log from which the cut-off is chosen."""
+
+
+SAME_RATE = 1.2
+"""Times the lowest of the logs' sampling rates that is still the same."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -78,7 +82,7 @@ class Start:
         """A robot's model with these effects, fitted to the rows held, without standard deviations."""
         design = Design(robot, tuple(initial_term(effect) for effect in self.effects), self.drives.gain)
         solution = solve(design, factorise(design, design.rows(self.held)))
-        return solved_model(design, solution, self.drives, self.cutoff.hertz, self.held[0].log.rate)
+        return solved_model(design, solution, self.drives, self.cutoff.hertz, slowest_rate(self.held))
 
 
 def start_of(
@@ -122,7 +126,10 @@ def _choose_cutoff(sources: Sequence[LogSource]) -> CutoffChoice:
                 break
     if max(map(len, heads), default=0) < 2:
         raise InputError("fewer than two rows", ", ".join(s.name for s in sources), "give longer logs")
-    return choose_cutoff(concatenate(heads))
+    # Logs that were sampled faster than others can do with their cut-off.
+    rates = [head.rate if len(head) > 1 else np.inf for head in heads]
+    slow = [head for head, rate in zip(heads, rates, strict=True) if rate < SAME_RATE * min(rates)]
+    return choose_cutoff(concatenate(slow))
 
 
 def _drives(
@@ -162,5 +169,5 @@ def _smoothing(held: Sequence[Block], cutoff: float) -> FloatArray:
     What the filter took from the position is taken for white noise; its derivative below the cut-off follows.
     """
     removed = np.concatenate([block.removed[block.keep] for block in held])
-    noise = derivative_noise(removed.std(axis=0), cutoff, held[0].log.rate)
+    noise = derivative_noise(removed.std(axis=0), cutoff, slowest_rate(held))
     return np.asarray(np.clip(3.0 * noise, 0.1 * SMOOTHING, SMOOTHING))

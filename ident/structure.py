@@ -22,7 +22,7 @@ from ident.log import LogSource
 from ident.robot import Robot
 from ident.shapes import optimise_shapes
 from ident.signals import zero_phase
-from ident.walk import Block, collect, thin
+from ident.walk import Block, collect, kept_rows, slowest_rate, thin
 
 HELD_ROWS, SEARCH_ROWS = 24_000, 6_000
 """Rows that are walked, and those of them at most on which structures are compared."""
@@ -180,7 +180,7 @@ def make_folds(blocks: Sequence[Block]) -> tuple[list[Fold], str]:
     labels = [np.zeros(len(b.keep), dtype=np.int64) for b in blocks]
     for number, name in enumerate(logs):
         own = [k for k, b in enumerate(blocks) if b.log.name == name]
-        total = sum(int(blocks[k].keep.sum()) for k in own)
+        total = kept_rows(blocks[k] for k in own)
         seen = 0
         for k in own:
             order = seen + np.cumsum(blocks[k].keep) - 1
@@ -211,7 +211,7 @@ class _Held:
 
     @staticmethod
     def of(design: Design, fold: Fold, cutoff: float, drives: Drives) -> _Held:
-        rate = fold.train[0].log.rate
+        rate = slowest_rate(fold.train)
         design = settle(design, fold.train, drives, cutoff, rate)
         factors = factorise(design, design.rows(fold.train))
         solution = solve(design, factors)

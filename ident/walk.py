@@ -76,6 +76,16 @@ def collect(sources: Iterable[LogSource], cutoff: float, limit: int = SEARCH_ROW
     return [block for block in begun if block.keep.any()]
 
 
+def kept_rows(blocks: Iterable[Block]) -> int:
+    """Number of rows to learn from."""
+    return sum(int(block.keep.sum()) for block in blocks)
+
+
+def slowest_rate(blocks: Iterable[Block]) -> float:
+    """Lowest sampling rate [Hz] of the logs that blocks are of."""
+    return min(block.log.rate for block in blocks)
+
+
 def _whole(blocks: Sequence[Block]) -> list[Block]:
     """Join blocks that follow one another to segments, in which memories last."""
     runs: list[list[Block]] = []
@@ -105,7 +115,7 @@ def thin(blocks: Sequence[Block], limit: int) -> list[Block]:
     Neighbouring rows of a robot's residual say nearly the same, so a search loses little by it; memories still see
     every row.
     """
-    every = -(-sum(int(block.keep.sum()) for block in blocks) // limit)
+    every = -(-kept_rows(blocks) // limit)
     if every < 2:
         return list(blocks)
     return [replace(block, keep=block.keep & (np.arange(len(block.keep)) % every == 0)) for block in blocks]

@@ -198,10 +198,16 @@ RESTING = 1e-3
 def _inside(
     q: FloatArray, dq: FloatArray, load: FloatArray, half: float, falls: bool, memory: FloatArray
 ) -> FloatArray:
-    """Share of the load that is not carried: one in the middle of the gap, nought at its flanks."""
+    """Share of the load that is not carried: one in the middle of the gap, nought at its flanks.
+
+    Samples without a position are passed over.
+    """
     out = np.zeros(len(q))
     place, last = memory[0], memory[1]
     for k in range(len(q)):
+        if np.isnan(q[k]):
+            out[k] = np.nan
+            continue
         if falls and (np.isnan(last) or abs(dq[k]) < RESTING):
             place = half if load[k] >= 0.0 else -half
         elif not np.isnan(last):
@@ -222,11 +228,15 @@ def _ahead(
 ) -> FloatArray:
     """Acceleration of the motor ahead of a link that is left behind by ``pull``, its load over its inertia.
 
-    Flanks are springs with dampers that push and do not pull; inside the gap the link is free.
+    Flanks are springs with dampers that push and do not pull; inside the gap the link is free. Samples without a pull
+    are passed over.
     """
     out, turn = np.zeros(len(t)), 2.0 * np.pi * hertz
     ahead, speed, before, last = memory[0], memory[1], memory[2], memory[3]
     for k in range(len(t)):
+        if np.isnan(pull[k]):
+            out[k] = np.nan
+            continue
         if np.isnan(last):
             ahead = (half + abs(pull[k]) / turn**2) * (1.0 if pull[k] >= 0.0 else -1.0)
         else:

@@ -150,10 +150,16 @@ def _mean_rate(t: FloatArray, x: FloatArray, span: float, memory: FloatArray) ->
 
 @compiled
 def _low_pass(t: FloatArray, x: FloatArray, hertz: float, memory: FloatArray) -> FloatArray:
-    """First-order low pass, exact for an input that runs straight between samples; settled at the first."""
+    """First-order low pass, exact for an input that runs straight between samples; settled at the first.
+
+    Samples of which an input is not known are passed over.
+    """
     joints, rate = x.shape[1], 2.0 * np.pi * hertz
     out = np.empty_like(x)
     for k in range(len(t)):
+        if np.isnan(x[k]).any():
+            out[k] = np.nan
+            continue
         kept, held = 0.0, 0.0
         if not np.isnan(memory[0]) and t[k] > memory[0]:
             past = rate * (t[k] - memory[0])

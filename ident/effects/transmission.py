@@ -327,11 +327,14 @@ def _swings(
 ) -> tuple[FloatArray, FloatArray]:
     """Wind-up (N,) of an oscillator, its angular frequency squared ``square`` (N,), and the acceleration of that.
 
-    Exact for a pull that is linear between samples.
+    Exact for a pull that is linear between samples; those without one are passed over.
     """
     out, onward = np.zeros(len(t)), np.zeros(len(t))
     wound, speed, before, last = memory[0], memory[1], memory[2], memory[3]
     for k in range(len(t)):
+        if np.isnan(pull[k]) or np.isnan(square[k]):
+            out[k] = onward[k] = np.nan
+            continue
         if square[k] <= 0.0:
             wound, speed = 0.0, 0.0
         elif np.isnan(last):

@@ -10,13 +10,14 @@ from ident.arrays import FloatArray
 from ident.effects.base import Survey
 from ident.effects.direction import VelocityEffect
 from ident.effects.friction import Coulomb, Viscous
+from ident.errors import InputError
 from ident.gap.edge import edge_columns
 from ident.gap.folds import folds_of
 from ident.gap.joint_gap import JointGap
 from ident.gap.panel import Panel
 from ident.log import LogSource
-from ident.model import CurrentModel
-from ident.walk import collect
+from ident.model import NEWTON_METRE, CurrentModel
+from ident.walk import collect, kept_rows, slowest_rate
 
 ROWS = 16_000
 """Rows that are looked at, evenly spread; neighbouring rows of a robot's residual say nearly the same."""
@@ -26,11 +27,18 @@ DRY = ("coulomb", "sigmoid", "stribeck", "maxwell-slip", "cross-joint-friction")
 
 
 def panel_of(model: CurrentModel, sources: Sequence[LogSource], limit: int = ROWS) -> Panel:
-    """Gather rows of logs, with what effects see of them under the model; folds are logs, or parts of few logs."""
+    """Gather rows of logs, with what effects see of them under the model; folds are logs, or parts of few logs.
+
+    Raises:
+        InputError: the logs have no row to learn from.
+    """
     blocks = collect([model.view(source) for source in sources], model.cutoff)
-    total = sum(int(block.keep.sum()) for block in blocks)
-    every = max(1, -(-total // limit))
-    rows = [np.flatnonzero(block.keep)[::every] for block in blocks]
+    if not blocks:
+        raise InputError("too few rows", ", ".join(source.name for source in sources), "give longer logs")
+    slowest = slowest_rate(blocks)
+    every = max(1, -(-kept_rows(blocks) // limit))
+    # Of logs that were sampled faster fewer rows: the step is one for all.
+    rows = [np.flatnonzero(block.keep)[:: max(1, round(every * block.log.rate / slowest))] for block in blocks]
     contexts = [model.context(block.motion, total=True) for block in blocks]
     return Panel(model, blocks, contexts, rows, folds_of(blocks, rows))
 
@@ -112,7 +120,7 @@ def left_by(model: CurrentModel, panel: Panel) -> FloatArray:
 def _per_newton_metre(model: CurrentModel, panel: Panel) -> FloatArray:
     """Force units per N m: one where gains are known, else how the links' load compares with the URDF's."""
     robot = model.robot
-    if model.force_unit.endswith("N m"):
+    if model.force_unit == NEWTON_METRE:
         return np.ones(robot.n)
     ratio = np.ones(robot.n)
     urdf = [context.link_regressor @ robot.multibody.parameters for context in panel.contexts]

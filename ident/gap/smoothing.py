@@ -16,7 +16,7 @@ from ident.gap.rests import Rests
 from ident.gap.rows import gap_of, panel_of
 from ident.log import LogSource
 from ident.model import CurrentModel
-from ident.walk import Block
+from ident.walk import Block, kept_rows
 
 SMOOTHINGS = np.geomspace(3e-4, 1e-2, 12)
 """Speeds [rad/s or m/s] over which the sign of velocity may turn; beyond, it is an effect of its own (sigmoid)."""
@@ -56,7 +56,7 @@ def smoothed(model: CurrentModel, sources: Sequence[LogSource], rests: Rests, en
         counts &= inside[:, None]
     found = [_turning(model, panel, counts[:, j], j) for j in range(model.n)]
     turned = with_directions(model, {j: friction for j, (friction, _) in enumerate(found)})
-    return Smoothed(turned, float(np.sum(np.log([error for _, error in found]))), len(panel))
+    return Smoothed(turned, float(np.sum(np.log([error for _, error in found]))), kept_rows(panel.blocks))
 
 
 def _inside(block: Block, ends: float) -> BoolArray:

@@ -54,6 +54,15 @@ def part(context, rows):
     return Context(context.robot, context.motion[rows], context.load[rows], context.links, context.total[rows])
 
 
+def with_gap(context, rows):
+    """The same where velocities, accelerations and loads of some rows are not known."""
+    motion, load, total = context.motion, context.load.copy(), context.total.copy()
+    dq, ddq = motion.dq.copy(), motion.ddq.copy()
+    for values in (dq, ddq, load, total):
+        values[rows] = np.nan
+    return Context(context.robot, Motion(motion.t, motion.q, dq, ddq), load, context.links, total)
+
+
 def central_difference(context, effect, shape, s, step):
     """Slope of an effect's columns by the s-th shape parameter."""
     moved = step * np.eye(len(shape))[s]
@@ -86,17 +95,16 @@ def test_gradients_are_central_differences(context, name, start):
         assert smooth.mean() > (0.99 if effect.family == "hysteresis" else 0.9999)
 
 
-@pytest.mark.parametrize(
-    "effect",
-    [
-        *map(acting, sorted(CATALOGUE)),
-        Elasticity(1, everywhere=True),
-        Elasticity(1, rings=True),
-        Elasticity(1, everywhere=True, rings=True),
-        Backlash(1, flies=True),
-        Backlash(1, flies=True, dry=2.0),
-    ],
+VARIANTS = (
+    Elasticity(1, everywhere=True),
+    Elasticity(1, rings=True),
+    Elasticity(1, everywhere=True, rings=True),
+    Backlash(1, flies=True),
+    Backlash(1, flies=True, dry=2.0),
 )
+
+
+@pytest.mark.parametrize("effect", [*map(acting, sorted(CATALOGUE)), *VARIANTS])
 @pytest.mark.parametrize("size", [1, 7, 150])
 def test_memory_makes_blocks_as_good_as_the_whole(context, effect, size):
     shape = initial_term(effect).shape
@@ -109,6 +117,15 @@ def test_memory_makes_blocks_as_good_as_the_whole(context, effect, size):
     of_one = (rows,) if effect.acts_on is not None else (rows, 6)
     assert whole.shape == (*of_one, len(effect.coefficients(context.robot)))
     assert np.all(np.isfinite(whole))
+
+
+@pytest.mark.parametrize("effect", [*map(acting, sorted(CATALOGUE)), *VARIANTS])
+def test_samples_without_derivatives_are_passed_over(context, effect):
+    shape = initial_term(effect).shape
+    whole = effect.columns(context, shape, effect.start())
+    found = effect.columns(with_gap(context, slice(40, 44)), shape, effect.start())
+    late = slice(len(whole) // 2, None)
+    np.testing.assert_allclose(found[late], whole[late], atol=0.1 * np.abs(whole).max(initial=0.0))
 
 
 @pytest.mark.parametrize("name", sorted(CATALOGUE))

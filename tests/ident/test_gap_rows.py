@@ -3,11 +3,14 @@
 from dataclasses import replace
 
 import numpy as np
+import pytest
 from planar_arm import logs
 
 from ident.effects.attached import Payload
-from ident.gap import baseline_model
-from ident.gap.rows import held_of, panel_of
+from ident.errors import InputError
+from ident.gap import baseline_model, find_gap
+from ident.gap.rows import held_of, panel_of, survey_of
+from ident.model import NEWTON_METRE
 
 
 def test_a_force_that_is_known_but_for_a_factor_is_taken_away_as_much_as_there_is_of_it(arm):
@@ -19,3 +22,33 @@ def test_a_force_that_is_known_but_for_a_factor_is_taken_away_as_much_as_there_i
     for scale, share in (((1.0, 1.0), -0.1), ((0.7, 0.7), 0.0)):
         left = gap.knowing(panel, Payload(None, scale), force).target
         assert np.linalg.norm(left - share * force) < 1e-6 * np.linalg.norm(force)
+
+
+def test_of_logs_sampled_faster_fewer_rows_are_looked_at(arm):
+    fast, *slow = logs(arm, 1)
+    mixed = [fast, *(log[::4] for log in slow)]
+    model = baseline_model(arm, mixed)
+    assert model.rate == pytest.approx(25.0)
+    assert model.cutoff < 12.5
+    panel = panel_of(model, mixed)
+    steps = [np.diff(b.motion.t[rows]) for b, rows in zip(panel.blocks, panel.rows, strict=True)]
+    np.testing.assert_allclose(np.concatenate(steps), 0.04, atol=1e-9)
+    assert not find_gap(model, mixed).findings
+
+
+def test_logs_too_short_for_a_model_that_is_held_fixed_are_refused(arm):
+    model = baseline_model(arm, logs(arm, 1))
+    with pytest.raises(InputError, match="too few rows"):
+        find_gap(model, [logs(arm, 4)[0][:8]], refit=False)
+
+
+def test_relative_gains_are_not_taken_for_known_ones(arm):
+    train = logs(arm, 1)
+    model = baseline_model(arm, train)
+    panel = panel_of(model, train)
+    known, relative = (
+        survey_of(replace(model, force_unit=unit), panel).per_newton_metre
+        for unit in (NEWTON_METRE, f"relative {NEWTON_METRE}")
+    )
+    np.testing.assert_array_equal(known, 1.0)
+    assert np.all(relative != 1.0)

@@ -153,10 +153,19 @@ def test_named_effects_act_where_they_can(vs060, recorded):
     assert sum(t.effect.name == "coulomb" for t in found.model.terms) == 6
 
 
+def test_named_effects_know_the_logs(vs060, recorded):
+    names = ["thermal-friction", "cross-joint-hysteresis", "elasticity"]
+    found = identify(vs060, [recorded(10.0)], effects=[*PLAIN, *names], cutoff=10.0)
+    thermal, other, spring = ([t.effect for t in found.model.terms if t.effect.name == name] for name in names)
+    assert len({e.pace for e in thermal}) == len({e.largest for e in spring}) == 6
+    assert [(e.joint, e.source) for e in other] == [(4, 5), (5, 4)]
+
+
 @pytest.mark.parametrize(
     ("options", "message"),
     [
         ({"effects": ["coulom"]}, "no effect is named 'coulom'"),
+        ({"effects": ["payload"]}, "payload is no effect of one joint"),
         ({"gains": "known"}, "the drive gains are not known"),
         ({"gains": "payload"}, "no logs with a payload"),
         ({"cutoff": 80.0}, "cut-off of 80 Hz"),
