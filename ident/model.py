@@ -58,8 +58,11 @@ class CurrentModel:
 
     def unit_of(self, effect: Effect, parameter: Coefficient | Shape) -> str:
         """Return the unit of a parameter of one of its effects, written out."""
-        angle = "rad" if effect.joint is None else self.robot.displacement_unit(effect.joint)
-        force = "N" if angle == "m" and self.force_unit == NEWTON_METRE else self.force_unit
+        own, angle = (
+            "rad" if joint is None else self.robot.displacement_unit(joint)
+            for joint in (effect.joint, effect.measured_on)
+        )
+        force = "N" if own == "m" and self.force_unit == NEWTON_METRE else self.force_unit
         return parameter.unit.replace("{current}", force).replace("{angle}", angle)
 
     @cached_property

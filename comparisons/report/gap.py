@@ -80,7 +80,8 @@ def sentence(found: GapReport, finding: Finding) -> str:
     where = f"Joint {finding.joints[0] + 1}" if len(finding.joints) == 1 else "Whole robot"
     if len(finding.joints) > 1:
         where = "Joints " + ", ".join(str(j + 1) for j in finding.joints)
-    angle = found.model.robot.displacement_unit(finding.joints[0]) if len(finding.joints) == 1 else "rad"
+    measured = finding.terms[0].effect.measured_on if finding.terms else None
+    angle = "rad" if measured is None else found.model.robot.displacement_unit(measured)
     figures = ", ".join(
         f"{key} {_number(value)} {UNITS.get(key, '').replace(ANGLE, angle)}".rstrip()
         for key, value in finding.parameters.items()
@@ -170,7 +171,7 @@ def _table(report: Report, found: GapReport) -> None:
         columns,
         rows,
         "p-value: chance of so good a candidate where there is nothing. Negative control: what the same signal, "
-        "shifted in time, gains; it must be about nought.",
+        "its phases drawn anew, gains; it must be about nought.",
     )
 
 
@@ -225,12 +226,13 @@ def _depends_on(found: GapReport, finding: Finding, joint: int) -> tuple[str, Fl
     """The signal that shows an effect best: what its columns follow."""
     panel = found.panel
     slow = ("stribeck", "sigmoid", "viscous-nonlinear", "coulomb", "viscous", "coulomb-asymmetry")
+    unit = panel.robot.displacement_unit(joint)
     if finding.effect in slow:
-        return "velocity [rad/s]", panel.velocity[:, joint]
+        return f"velocity [{unit}/s]", panel.velocity[:, joint]
     if finding.effect in ("gear-ripple", "cogging", "cable-spring", "gravity-balancer"):
-        return "position [rad]", panel.gather(lambda b: b.motion.q)[:, joint]
+        return f"position [{unit}]", panel.motion.q[:, joint]
     if finding.effect == "sensor-drift":
-        return "time [s]", panel.gather(lambda b: b.motion.t)
+        return "time [s]", panel.motion.t
     term = finding.terms[0]
     columns = panel.columns(term.effect, term.shape, joint) @ term.coefficients
     return f"what {finding.effect} adds [{found.model.force_unit}]", columns

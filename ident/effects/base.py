@@ -204,8 +204,14 @@ class Effect(ABC):
     catalogue: ClassVar[dict[str, type[Effect]]] = {}
 
     def __init_subclass__(cls) -> None:
-        if cls.name:
+        # A name that is but inherited is that of the class above.
+        if cls.__dict__.get("name"):
             Effect.catalogue[cls.name] = cls
+
+    @property
+    def measured_on(self) -> int | None:
+        """The joint whose position ``{angle}`` stands for in units: its own, unless another's motion drives it."""
+        return self.joint
 
     @property
     def at(self) -> int:

@@ -55,7 +55,7 @@ class DriveGain(Effect):
 
     def coefficients(self, robot: Robot) -> tuple[Coefficient, ...]:
         """Return the share by which the joint draws more than the model says."""
-        return (Coefficient("excess", "1"),)
+        return (Coefficient("excess", "1", lower=0.0),)
 
     def columns(self, context: Context, shape: FloatArray, memory: FloatArray) -> FloatArray:
         """Return what the model says."""
@@ -96,7 +96,7 @@ class TorqueSaturation(ToldAtLargest):
     def summary(self, robot: Robot, shape: FloatArray, coefficients: FloatArray) -> dict[str, float | list[float]]:
         """Return the share of the torque that is lost at the largest current."""
         excess = float(coefficients[0])
-        return {"share": excess / (1.0 + excess) if excess > 0 else -excess, "power": float(shape[0])}
+        return {"share": excess / (1.0 + excess), "power": float(shape[0])}
 
 
 @dataclass(frozen=True)

@@ -184,6 +184,10 @@ class Sigmoid(VelocityEffect):
         by_shift = (slope - slope_rest) / speed
         return np.stack([by_speed, by_shift])[:, :, None]
 
+    def summary(self, robot: Robot, shape: FloatArray, coefficients: FloatArray) -> dict[str, float | list[float]]:
+        """Return force and speed of the same law written force tanh((dq + shift) / speed): force is that of one way."""
+        return {"force": float(0.5 * coefficients[0]), "speed": float(2.0 * shape[0]), "shift": float(shape[1])}
+
 
 @dataclass(frozen=True)
 class ViscousNonlinear(DirectedEffect):
@@ -268,10 +272,12 @@ class PositionFriction(DirectedEffect):
     Attributes:
         fewest: fewest swings a turn (a metre).
         harmonics: of the swing, one or two.
+        turn: what counts as one: a turn [rad], or a metre.
     """
 
     fewest: float = 0.3
     harmonics: int = 2
+    turn: float = 2.0 * np.pi
 
     name = "position-friction"
     family = "friction"
@@ -283,8 +289,9 @@ class PositionFriction(DirectedEffect):
         """Try it with a quarter of a swing and more over the range seen: less is a difference of large forces."""
         if joint is None:
             return []
-        fewest = float(np.clip(0.5 * np.pi / max(float(survey.reach[joint]), 1e-3), cls.fewest, 0.25 * MOST_SWINGS))
-        return [cls.seen(survey, joint, fewest, harmonics) for harmonics in (1, 2)]
+        turn = 1.0 if survey.robot.multibody.prismatic[joint] else cls.turn
+        fewest = float(np.clip(0.25 * turn / max(float(survey.reach[joint]), 1e-3), cls.fewest, 0.25 * MOST_SWINGS))
+        return [cls.seen(survey, joint, fewest, harmonics, turn) for harmonics in (1, 2)]
 
     @property
     def shapes(self) -> tuple[Shape, ...]:
@@ -300,7 +307,8 @@ class PositionFriction(DirectedEffect):
 
     def columns(self, context: Context, shape: FloatArray, memory: FloatArray) -> FloatArray:
         """Return sign(dq) times cosine and sine of once (and twice) per_turn times the angle."""
-        phases = [k * shape[0] * context.motion.q[:, self.at] for k in range(1, self.harmonics + 1)]
+        phase = 2.0 * np.pi / self.turn * shape[0] * context.motion.q[:, self.at]
+        phases = [k * phase for k in range(1, self.harmonics + 1)]
         waves = np.stack([wave(phase) for phase in phases for wave in (np.cos, np.sin)], axis=1)
         swing: FloatArray = self.direction(context, memory)[:, None] * waves
         return swing

@@ -96,6 +96,11 @@ class CrossJointHysteresis(Effect):
         return [] if joint is None else [cls(joint, k) for k in range(survey.robot.n) if k != joint]
 
     @property
+    def measured_on(self) -> int:
+        """The other joint."""
+        return self.source
+
+    @property
     def shapes(self) -> tuple[Shape, ...]:
         """Return the saturation displacement of the other joint."""
         return (Shape("slip", "{angle}", 1e-4, 0.5, (1e-3, 5e-3, 2e-2, 0.1)),)

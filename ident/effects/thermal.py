@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, TypeVar
 
 import numpy as np
@@ -22,8 +22,9 @@ Heat = TypeVar("Heat", float, FloatArray)
 class ThermalFriction(DirectedEffect):
     """Friction that changes while the grease warms up (Bittencourt and Gunnarsson 2012).
 
-    The joint's heat follows the power that its dry and viscous friction dissipate, with one time constant. The first
-    log starts cold; before any later segment the joint is taken to have moved as usual for its share of the time since.
+    The joint's heat follows the power that its dry and viscous friction dissipate, with one time constant, or a steady
+    one: drives warm up whatever the joint does. The first log starts cold; before any later segment the joint is taken
+    to have moved as usual for its share of the time since.
     Dry and viscous friction change with the heat, ever less as it grows: viscosity falls exponentially.
 
     Attributes:
@@ -32,6 +33,7 @@ class ThermalFriction(DirectedEffect):
         viscous: share of it that is viscous.
         since: time stamp [s] at which the joint was cold.
         logged: share of the time since then that logs cover.
+        steady: whether the power is, moved or not.
     """
 
     pace: float = 1.0
@@ -39,6 +41,7 @@ class ThermalFriction(DirectedEffect):
     viscous: float = 0.0
     since: float = 0.0
     logged: float = 0.0
+    steady: bool = False
 
     name = "thermal-friction"
     family = "friction"
@@ -48,11 +51,12 @@ class ThermalFriction(DirectedEffect):
 
     @classmethod
     def candidates(cls, survey: Survey, joint: int | None) -> list[Effect]:
-        """Try it with the joint's own pace and friction."""
+        """Try it with the joint's own pace and friction, and with a power that is steady."""
         if joint is None:
             return []
-        figures = survey.pace, survey.friction, survey.viscous
-        return [cls.seen(survey, joint, *(float(figure[joint]) for figure in figures), survey.since, survey.logged)]
+        figures = (float(figure[joint]) for figure in (survey.pace, survey.friction, survey.viscous))
+        own = cls.seen(survey, joint, *figures, survey.since, survey.logged)
+        return [own, replace(own, logged=1.0, steady=True)]
 
     @property
     def shapes(self) -> tuple[Shape, ...]:
@@ -72,16 +76,21 @@ class ThermalFriction(DirectedEffect):
         """Return (1 - exp(-waning heat)) / waning times sign(dq), and times dq."""
         velocity = self.velocity(context)
         speed = np.abs(velocity) / max(self.pace, 1e-9)
-        power = speed * (1.0 - self.viscous + self.viscous * speed)
+        power = np.ones_like(speed) if self.steady else speed * (1.0 - self.viscous + self.viscous * speed)
         t, seconds = np.ascontiguousarray(context.motion.t), float(shape[0])
         heat = _heat(t, np.nan_to_num(power), seconds, self.since, self.logged, memory)
         both = np.stack([self.direction(context, memory[2:]), velocity], axis=1)
         return _change(heat, float(shape[1]))[:, None] * both
 
     def summary(self, robot: Robot, shape: FloatArray, coefficients: FloatArray) -> dict[str, float | list[float]]:
-        """Return the share of dry and viscous friction at the mean speed that is lost when warm, and the time."""
-        change = float((coefficients[0] + coefficients[1] * self.pace) * _change(1.0, float(shape[1])))
-        return {"share": -change / max(abs(self.friction), 1e-12), "seconds": float(shape[0])}
+        """Return the share of dry and viscous friction at the mean speed that is lost when warm, and the time constant.
+
+        That is when all but 1/e of the change is there: sooner than of the heat, whose first part does most.
+        """
+        seconds, waning = shape.tolist()
+        change = float((coefficients[0] + coefficients[1] * self.pace) * _change(1.0, waning))
+        heat = -np.log1p(-(1.0 - np.exp(-1.0)) * -np.expm1(-waning)) / waning
+        return {"share": -change / max(abs(self.friction), 1e-12), "seconds": float(-seconds * np.log1p(-heat))}
 
 
 def _change(heat: Heat, waning: float) -> Heat:

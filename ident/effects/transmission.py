@@ -72,6 +72,11 @@ class CrossJointFriction(Effect):
         return [cls(joint, k, side) for k in range(survey.robot.n) if k != joint for side in (1, -1)]
 
     @property
+    def measured_on(self) -> int:
+        """The other joint."""
+        return self.source
+
+    @property
     def shapes(self) -> tuple[Shape, ...]:
         """Return the angle that mixes the two joints' motion, and over which speed the mixed one's friction turns."""
         quarter = 0.25 * np.pi

@@ -47,7 +47,7 @@ def explainable(panel: Panel, survey: Survey, joint: int, residual: FloatArray, 
     names, features = signals(panel, survey, joint)
     chosen = np.arange(0, len(rows), max(1, len(rows) // LEARNT_ROWS))
     x, y = features[rows[chosen]], residual[chosen]
-    t = panel.gather(lambda b: b.motion.t)[rows[chosen]]
+    t = panel.motion.t[rows[chosen]]
     fold = (t // STRETCH).astype(np.int64) % FOLDS
     predicted, weight = np.zeros(len(y)), np.zeros(len(names))
     rng = np.random.default_rng(0)
@@ -87,15 +87,15 @@ def _importance(predict, x: FloatArray, y: FloatArray, rng: np.random.Generator)
 def signals(panel: Panel, survey: Survey, joint: int) -> tuple[list[str], FloatArray]:
     """Names and values (N, k) of what a joint's residual may depend on."""
     n, own = panel.robot.n, joint + 1
-    q, dq = panel.gather(lambda b: b.motion.q), panel.velocity
-    ddq = _coarse(panel.gather(lambda b: b.motion.ddq)[:, joint], counted_acceleration(panel, survey, joint))
+    q, dq = panel.motion.q, panel.velocity
+    ddq = _coarse(panel.motion.ddq[:, joint], counted_acceleration(panel, survey, joint))
     load = _coarse(panel.seen("load")[:, joint], counted_force(panel, survey, joint))
     columns = [(f"q{k + 1}", q[:, k]) for k in range(n)] + [(f"dq{k + 1}", dq[:, k]) for k in range(n)]
     columns += [
         (f"sign(dq{own})", np.tanh(dq[:, joint] / survey.smoothing[joint])),
         (f"ddq{own}", ddq),
         (f"load{own}", load),
-        ("t", panel.gather(lambda b: b.motion.t)),
+        ("t", panel.motion.t),
     ]
     for width in PLAY:
         states = [

@@ -5,9 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from scipy.ndimage import binary_dilation
 
-from ident.arrays import BoolArray, FloatArray
+from ident.arrays import FloatArray
 from ident.effects.base import Survey
 from ident.gap.abstain import explainable
 from ident.gap.bursts import bursts
@@ -21,7 +20,6 @@ from ident.gap.panel import Panel
 from ident.gap.problem import JointProblem
 from ident.gap.report import ITS_SIZE, Unexplained
 from ident.gap.spectrum import spectral_line
-from ident.gap.touch import row_step
 from ident.gap.unsure import BEYOND
 from ident.gap.wander import wandering
 
@@ -125,7 +123,7 @@ def unexplained(
     uneven = _uneven(panel, problem, gap.joint, squares)
     if uneven is not None:
         return [Unexplained((gap.joint,), (uneven[0] + ITS_SIZE,), uneven[1])]
-    rare = bursts(squares, starts_of(panel, problem), row_step(panel))
+    rare = bursts(squares, starts_of(panel, problem), panel.step)
     if rare > BURSTS:
         return [Unexplained((gap.joint,), ("t (in bursts)",), rare)]
     past = _remembered(panel, problem)
@@ -150,7 +148,7 @@ def _line(panel: Panel, problem: JointProblem, joint: int) -> tuple[float, float
             # Rows that are left out keep their place in time.
             left = np.zeros(len(panel))
             left[problem.keep] = problem.residual * rows
-            line = spectral_line(left, panel.start, row_step(panel))
+            line = spectral_line(left, panel.start, panel.step)
             if line is not None:
                 return line
     return None
@@ -169,7 +167,7 @@ def _uneven(panel: Panel, problem: JointProblem, joint: int, squares: FloatArray
     slow = classes_of(panel, problem, joint) < MOVING
     load, sides = panel.seen("load")[:, joint], np.sign(panel.velocity[:, joint])
     sides[problem.keep[slow]] = 0.0  # a side of its own
-    turns, jumps = _turns(panel, np.sign(load), AROUND)[problem.keep], _turns(panel, sides, TURNS)[problem.keep]
+    turns, jumps = panel.turns(np.sign(load), AROUND)[problem.keep], panel.turns(sides, TURNS)[problem.keep]
     everything = np.ones(len(squares), dtype=bool)
     # Where a joint's load is nought unless it moves, the load turns as the joint rests.
     asked = ((slow, everything, SEEN, f"|dq{joint + 1}|"), (turns, ~(slow | jumps), TURNS_SEEN, f"load{joint + 1}"))
@@ -182,16 +180,9 @@ def _uneven(panel: Panel, problem: JointProblem, joint: int, squares: FloatArray
     return None
 
 
-def _turns(panel: Panel, sides: FloatArray, seconds: float) -> BoolArray:
-    """Rows (N,) within seconds of which a sign (N,) changes."""
-    around = max(1, round(seconds / row_step(panel)))
-    turned = [np.diff(side, prepend=side[:1]) != 0 for side in np.split(sides, panel.start[1:])]
-    return np.concatenate([binary_dilation(rows, iterations=around) if rows.any() else rows for rows in turned])
-
-
 def _remembered(panel: Panel, problem: JointProblem) -> float:
-    return remembered(problem.residual, starts_of(panel, problem), row_step(panel))
+    return remembered(problem.residual, starts_of(panel, problem), panel.step)
 
 
 def _wandering(panel: Panel, problem: JointProblem) -> float:
-    return wandering(problem.residual, starts_of(panel, problem), row_step(panel))
+    return wandering(problem.residual, starts_of(panel, problem), panel.step)

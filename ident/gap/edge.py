@@ -15,8 +15,9 @@ from ident.gap.panel import Panel
 from ident.gap.problem import gain
 from ident.gap.search import GAIN
 
-EDGE, WIDEST = 4.0, 0.012
-"""How much narrower and wider the sign of velocity may turn than the model says, and how wide at most [rad/s]."""
+EDGE, WIDEST, WIDER = 4.0, 0.012, 1.2
+"""How much narrower and wider the sign of velocity may turn than the model says, how wide at most [rad/s] and how much
+wider at least."""
 
 LONGER = 2.0
 """How much shorter and longer the displacement may be over which friction builds up."""
@@ -36,7 +37,10 @@ def edge_columns(panel: Panel, own: Sequence[Term], joint: int) -> FloatArray:
                 others = (replace(term.effect, presliding=length) for length in lengths)
                 bends = [np.tanh(v / width), *(panel.columns(other, term.shape, joint)[:, 0] for other in others)]
             else:
-                rounder, wider = v / np.sqrt(v**2 + width**2), np.tanh(v / min(EDGE * width, WIDEST))
+                rounder, wider = (
+                    v / np.sqrt(v**2 + width**2),
+                    np.tanh(v / min(EDGE * width, max(WIDEST, WIDER * width))),
+                )
                 bends = [rounder, np.tanh(EDGE * v / width), wider]
             return np.stack([bend - sign for bend in bends], axis=1)
     return np.zeros((len(panel), 0))

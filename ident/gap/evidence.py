@@ -8,12 +8,17 @@ from dataclasses import dataclass
 import numpy as np
 
 from ident.arrays import FloatArray
-from ident.gap.joint_gap import JointGap, Named
+from ident.gap.candidates import coefficients
+from ident.gap.gate import surrogates
+from ident.gap.joint_gap import JointGap, Named, starts_of
 from ident.gap.panel import Panel
 from ident.gap.problem import gain
 from ident.gap.rests import Rests
 from ident.log import LogSource
 from ident.model import CurrentModel
+
+DRAWS = 9
+"""Draws of the negative control."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -65,11 +70,14 @@ def evidence(models: Sequence[CurrentModel], test: Sequence[LogSource], rests: R
 
 
 def negative_control(panel: Panel, gap: JointGap, named: Sequence[Named], one: Named) -> float:
-    """Share by which the effect's columns, shifted by half of the rows, lower the held-out RMS residual.
+    """Share by which the effect's force, with its phases drawn anew, lowers the held-out RMS residual; the median draw.
 
-    They have the same values but nothing to do with the motion any more: anything above nought is chance.
+    It has the same spectrum but nothing to do with the motion any more, even of logs that repeat one: anything above
+    nought is chance.
     """
     problem = gap.problem(panel, [n.trial for n in named if n is not one])
     columns = panel.columns(one.effect, one.trial.shape, gap.joint)[problem.keep]
-    shifted = problem.errors(np.roll(columns, len(columns) // 2, axis=0)).total
-    return gain(problem.errors().total, shifted)
+    force = columns @ coefficients(panel, problem, one.trial, gap.joint)
+    drawn = surrogates(force, starts_of(panel, problem), DRAWS, np.random.default_rng(0)).astype(float)
+    before = problem.errors().total
+    return float(np.median([gain(before, problem.errors(column).total) for column in np.hsplit(drawn, DRAWS)]))

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from ident.arrays import BoolArray, IntArray
+from ident.arrays import BoolArray, FloatArray, IntArray
 from ident.walk import Block
 
 FOLDS = 4
@@ -14,6 +14,12 @@ FOLDS = 4
 FASTER = 2.0
 """A log in which a joint moves so many times as fast as in all logs of other folds is cut into parts of every fold:
 predicted from those, it would ask what friction does at speeds that they never saw."""
+
+FARTHER = 1.5
+"""The same, of one joint's rows, for a fold with so many times the range of positions of all others."""
+
+ENDS = (0.005, 0.995)
+"""Quantiles of positions, and of speeds, that count as their ends."""
 
 FAST = 99.0
 """Percentile of a joint's speed in a log that counts as its speed."""
@@ -36,14 +42,26 @@ def folds_of(blocks: Sequence[Block], rows: Sequence[IntArray]) -> IntArray:
     return _dealt(log, np.ones(len(log), dtype=bool), parts)
 
 
-def even_folds(log: IntArray, keep: BoolArray) -> IntArray:
-    """Number of the fold of each row, every log being cut into a part of each by those of its rows that count.
+def even_folds(log: IntArray, keep: BoolArray, parts: int = 1) -> IntArray:
+    """Number of the fold of each row, every log being cut into parts of each by those of its rows that count.
 
     Args:
         log: number of the log (N,) that each row is of.
         keep: rows (N,) that count.
+        parts: of each fold in each log.
     """
-    return _dealt(log, keep, np.full(log.max(initial=-1) + 1, FOLDS))
+    return _dealt(log, keep, np.full(log.max(initial=-1) + 1, parts * FOLDS))
+
+
+def goes_beyond(fold: IntArray, position: FloatArray, velocity: FloatArray) -> bool:
+    """Whether a joint moves far beyond all other folds in one, to other positions (N,) or faster (N,)."""
+
+    def reach(rows: BoolArray) -> FloatArray:
+        least, most = np.quantile(position[rows], ENDS)
+        return np.array([most - least, np.quantile(np.abs(velocity[rows]), ENDS[1])])
+
+    others = [reach(rows) for k in range(FOLDS) if (rows := fold != k).any()]
+    return bool(np.any(reach(fold >= 0) > np.min(others, axis=0) * [FARTHER, FASTER]))
 
 
 def _dealt(log: IntArray, keep: BoolArray, parts: IntArray) -> IntArray:

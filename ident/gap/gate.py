@@ -1,10 +1,10 @@
 """Step 4, gate: how large the best of all candidates looks where there is nothing, on the data set's own surrogates.
 
 A surrogate is the residual with its phases drawn anew (Theiler et al. 1992): its spectrum, and so its
-autocorrelation, is the residual's own, but it has nothing to do with the motion. Where the joint rests, creeps or runs
-it is as large as the residual is there: a residual that is large at rest alone would else be matched by anything that
-is large at rest (cf. the wild bootstrap, Wu 1986). Every candidate at every shape is
-fitted to every surrogate, as to the residual; the p-value of the best candidate is where it stands among the
+autocorrelation, is the residual's own, but it has nothing to do with the motion. Where the joint rests, creeps or
+runs it is as large as the residual is there: a residual that is large at rest alone would else be matched by anything
+that is large at rest (cf. the wild bootstrap, Wu 1986). Every candidate at every shape from which its search starts
+is fitted to every surrogate, as to the residual; the p-value of the best candidate is where it stands among the
 surrogates' best (max-T, Westfall and Young 1993), extrapolated by a Gumbel law beyond them.
 """
 

@@ -10,10 +10,13 @@ import numpy as np
 from ident.arrays import BoolArray, FloatArray, IntArray
 from ident.effects.base import Effect
 from ident.gap.candidates import Trial, admissible, best_shape, usable
-from ident.gap.folds import even_folds
+from ident.gap.folds import even_folds, goes_beyond
 from ident.gap.gate import Gate, speed_classes
 from ident.gap.panel import Panel
 from ident.gap.problem import LEAST, JointProblem, sizes
+
+PARTS = 3
+"""Parts of each fold in each log, where one would move far beyond the others."""
 
 SCARCE = 0.25
 """Share of an even one below which a fold has too few rows: one of a joint that stands while others are moved."""
@@ -104,6 +107,17 @@ class JointGap:
         if rows.min() >= SCARCE * rows.mean():
             return left
         return replace(left, parts=even_folds(panel.log, left.keep))
+
+    def dealt(self, panel: Panel) -> JointGap:
+        """The same in folds of many parts of every log, where the joint moves far beyond all others in one fold.
+
+        Predicted from those, a law would be asked what it says of positions and speeds that they never saw.
+        """
+        rows, motion = self.keep, panel.motion
+        fold, q, dq = self.fold(panel)[rows], motion.q[rows, self.joint], motion.dq[rows, self.joint]
+        if len(fold) == 0 or not goes_beyond(fold, q, dq):
+            return self
+        return replace(self, parts=even_folds(panel.log, rows, PARTS))
 
     def fold(self, panel: Panel) -> IntArray:
         """Number of each row's fold (N,)."""

@@ -23,8 +23,11 @@ REGIMES = (
     "early",
     "late",
 )
-RESAMPLES = 200
-BLOCKS = 40
+REVERSAL = 0.05
+"""Seconds before and after a change of direction that are reversal."""
+
+RESAMPLES, BLOCKS = 200, 40
+"""Draws of the bootstrap, and stretches that are drawn: residuals are alike over less than a fortieth of the rows."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,15 +47,12 @@ class GapMap:
 def regimes_of(panel: Panel, survey: Survey, joint: int) -> dict[str, BoolArray]:
     """Which rows (N,) belong to each regime of a joint's motion; a row may belong to several."""
     dq = panel.velocity[:, joint]
-    ddq = panel.gather(lambda b: b.motion.ddq)[:, joint]
+    ddq = panel.motion.ddq[:, joint]
     load = panel.seen("load")[:, joint]
-    t = panel.gather(lambda b: b.motion.t)
+    t = panel.motion.t
     speed, still = np.abs(dq), 2.0 * survey.smoothing[joint]
     usual = max(float(np.quantile(speed, 0.95)), 10.0 * still)
-    soon = np.zeros(len(dq), dtype=bool)
-    turning = np.flatnonzero(np.diff(np.sign(dq)) != 0)
-    for k in range(-4, 6):
-        soon[np.clip(turning + k, 0, len(dq) - 1)] = True
+    soon = panel.turns(np.sign(dq), REVERSAL)
     moving = speed >= still
     return {
         "rest": ~moving & ~soon,

@@ -9,8 +9,9 @@ from typing import TypeVar
 
 import numpy as np
 import numpy.typing as npt
+from scipy.ndimage import binary_dilation
 
-from ident.arrays import FloatArray, IntArray
+from ident.arrays import BoolArray, FloatArray, IntArray
 from ident.effects.base import Context, Effect
 from ident.effects.direction import DirectedEffect
 from ident.gap.cut_away import cut_away, filtered_again
@@ -137,15 +138,9 @@ class Panel:
     @cached_property
     def _looked_at(self) -> Context:
         """What effects without memory see of the rows looked at."""
-        motion = Motion(
-            self.gather(lambda b: b.motion.t),
-            self.gather(lambda b: b.motion.q),
-            self.velocity,
-            self.gather(lambda b: b.motion.ddq),
-        )
         first = self.contexts[0]
         load, total = (None if getattr(first, what) is None else self.seen(what) for what in ("load", "total"))
-        return Context(self.robot, motion, load, first.links, total)
+        return Context(self.robot, self.motion, load, first.links, total)
 
     def seen(self, what: str) -> FloatArray:
         """Rows (N, n) of the ``load`` or ``total`` that effects see."""
@@ -161,9 +156,33 @@ class Panel:
         return self.gather(lambda block: block.log.current) * self.model.gain
 
     @cached_property
+    def step(self) -> float:
+        """Seconds between two rows that are looked at."""
+        steps = [np.diff(block.motion.t[rows]) for block, rows in zip(self.blocks, self.rows, strict=True)]
+        return float(np.median(np.concatenate(steps)))
+
+    def around(self, rows: BoolArray, seconds: float) -> BoolArray:
+        """Rows (N,) within seconds of others (N,) of the same block."""
+        steps = max(1, round(seconds / self.step))
+        blocks = np.split(rows, self.start[1:])
+        return np.concatenate([binary_dilation(b, iterations=steps) if b.any() else b for b in blocks])
+
+    def turns(self, sides: FloatArray, seconds: float) -> BoolArray:
+        """Rows (N,) within seconds of which a sign (N,) changes."""
+        changed = [np.diff(side, prepend=side[:1]) != 0 for side in np.split(sides, self.start[1:])]
+        return self.around(np.concatenate(changed), seconds)
+
+    @cached_property
+    def motion(self) -> Motion:
+        """Motion of the rows."""
+        t = self.gather(lambda block: block.motion.t)
+        q, dq = self.gather(lambda block: block.motion.q), self.gather(lambda block: block.motion.dq)
+        return Motion(t, q, dq, self.gather(lambda block: block.motion.ddq))
+
+    @property
     def velocity(self) -> FloatArray:
         """Joint velocities (N, n)."""
-        return self.gather(lambda block: block.motion.dq)
+        return self.motion.dq
 
     @cached_property
     def log(self) -> IntArray:

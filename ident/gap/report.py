@@ -31,7 +31,8 @@ class Finding:
         alternatives: names that the logs cannot tell from it.
         next_experiment: what would; None where nothing is open.
         terms: what is added to the model.
-        explained: share by which it lowered the held-out squared residual of its joints.
+        explained: share by which it lowered the held-out squared residual of its joint, or of the one that shows most
+            of it; None of what was found or cut out before the effects were tried.
         control: what the negative control gained, as a share of the RMS residual; None for the whole robot.
         motions: by alternative, the name of the motion, of those that the workflow was given, that would settle it.
     """
@@ -44,7 +45,7 @@ class Finding:
     alternatives: tuple[str, ...]
     next_experiment: str | None
     terms: tuple[Term, ...]
-    explained: float
+    explained: float | None
     control: float | None = None
     motions: Mapping[str, str] = field(default_factory=dict)
 

@@ -95,7 +95,7 @@ class Reporter:
             before = np.where(np.isnan(before), np.nan, left_by(self.start.model, panel.seen_by(self.start.model)))
         if contacts:
             findings.append(_contact(contacts))
-        findings.sort(key=lambda f: -f.explained)
+        findings.sort(key=lambda f: -(f.explained or 0.0))
         self.tell(0.6)
         missing = untestable(panel, survey, causes.gaps, problems)
         terms = [finding.terms for finding in findings]
@@ -121,11 +121,11 @@ class Reporter:
         plain, gains = replace(model, terms=model.terms[:known]), model.terms[known:]
         findings = []
         if lag is not None:
-            findings.append(Finding("delay", "timing", (), {"seconds": lag.seconds}, SURE, (), None, (), np.inf))
+            findings.append(Finding("delay", "timing", (), {"seconds": lag.seconds}, SURE, (), None, (), None))
         for gain in gains:
             effect = gain.effect
             figures = effect.summary(model.robot, gain.shape, gain.coefficients)
-            findings.append(Finding(effect.name, effect.family, (effect.at,), figures, SURE, (), None, (gain,), np.inf))
+            findings.append(Finding(effect.name, effect.family, (effect.at,), figures, SURE, (), None, (gain,), None))
         steps = range(0 if lag is not None else 1, len(gains) + 1)
         return findings, [model if k == len(gains) else self.subject.fitted(plain, gains[:k]) for k in steps]
 
@@ -145,10 +145,11 @@ class Reporter:
         besides, one = [n.trial for n in named], Trial(effect, whole.shape, 0.0)
         experiments = {name: self._experiment(own, one, other, besides) for name, other in whole.alternatives.items()}
         joints, law = () if effect.joint is None else (effect.joint,), whole.law or whole
+        left, all_of_it = (rows.problem(self.subject.panel, besides).errors().total for rows in (gap, own))
         return Finding(
             effect.name, effect.family, joints, {}, whole.p_value, tuple(whole.alternatives),
-            next_experiment(effect.name, experiments), (_term(effect, law.shape, law.coefficients),), np.inf,
-            motions=_settling(experiments),
+            next_experiment(effect.name, experiments), (_term(effect, law.shape, law.coefficients),),
+            1.0 - left / max(all_of_it, 1e-300), motions=_settling(experiments),
         )  # fmt: skip
 
     def _joint_finding(self, gap: JointGap, named: Sequence[Named], one: Named, total: float) -> Finding:
@@ -215,4 +216,4 @@ def _contact(contacts: Sequence[Touches]) -> Finding:
     joints = tuple(sorted({j for one in contacts for j in one.joints}))
     seconds, episodes = sum(one.seconds for one in contacts), float(sum(one.episodes for one in contacts))
     figures: dict[str, float | list[float]] = {"seconds": seconds, "episodes": episodes}
-    return Finding("contact", "contact", joints, figures, SURE, (), None, (), 0.0)
+    return Finding("contact", "contact", joints, figures, SURE, (), None, (), None)

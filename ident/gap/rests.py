@@ -21,7 +21,6 @@ from ident.gap.problem import JointProblem
 from ident.gap.rows import gap_of, panel_of, survey_of
 from ident.gap.spectrum import spectral_line
 from ident.gap.standing import lasts, stands
-from ident.gap.touch import row_step
 from ident.gap.unsure import shaken, turning
 from ident.log import LogSource
 from ident.model import CurrentModel
@@ -203,7 +202,7 @@ def _hunts(panel: Panel, left: FloatArray, rest: BoolArray) -> bool:
     swings = _without_levels(panel, left, rest)
     if np.mean(swings[rest] ** 2) < SWINGS * np.mean(left[rest] ** 2):
         return False
-    step = row_step(panel)
+    step = panel.step
     line = spectral_line(swings, panel.start, step)
     if line is None or line[1] <= HUNTS:
         return False

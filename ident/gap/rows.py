@@ -9,7 +9,6 @@ import numpy as np
 from ident.arrays import FloatArray
 from ident.effects.base import Survey
 from ident.effects.direction import VelocityEffect
-from ident.effects.friction import Coulomb, Viscous
 from ident.errors import InputError
 from ident.gap.edge import edge_columns
 from ident.gap.folds import folds_of
@@ -24,6 +23,9 @@ ROWS = 16_000
 
 DRY = ("coulomb", "sigmoid", "stribeck", "maxwell-slip", "cross-joint-friction")
 """Effects whose force a joint that stands may hold."""
+
+OF_SPEED = ("viscous", "viscous-nonlinear")
+"""Effects whose force is nought at rest and grows with speed."""
 
 
 def panel_of(model: CurrentModel, sources: Sequence[LogSource], limit: int = ROWS) -> Panel:
@@ -47,35 +49,32 @@ def survey_of(model: CurrentModel, panel: Panel) -> Survey:
     """Facts about the logs that candidates are built from."""
     robot = model.robot
     speed = np.abs(panel.velocity)
-    total = panel.seen("total")
-    position = panel.gather(lambda block: block.motion.q)
     smoothing = np.full(robot.n, 5e-3)
-    dry, viscous = np.zeros(robot.n), np.zeros(robot.n)
+    dry, viscous = _holds(model), np.zeros(robot.n)
     for term in model.terms:
         if isinstance(term.effect, VelocityEffect):
             smoothing[term.effect.at] = term.effect.smoothing
-        if isinstance(term.effect, Coulomb):
-            dry[term.effect.at] += term.coefficients[0]
-        if isinstance(term.effect, Viscous):
-            viscous[term.effect.at] += term.coefficients[0] * speed[:, term.effect.at].mean()
+        if term.effect.name in OF_SPEED:
+            force = panel.columns(term.effect, term.shape, term.effect.at) @ term.coefficients
+            viscous[term.effect.at] += np.abs(force).mean()
     stamps = [(float(block.motion.t[0]), float(block.motion.t[-1])) for block in panel.blocks]
     since, last = min(start for start, _ in stamps), max(end for _, end in stamps)
     return Survey(
-        robot,
-        smoothing,
-        model.presliding,
-        model.presliding_exponent,
-        speed.mean(axis=0),
-        dry + viscous,
-        np.clip(viscous / np.maximum(dry + viscous, 1e-12), 0.0, 1.0),
-        np.abs(total).max(axis=0),
-        _per_newton_metre(model, panel),
-        since,
-        min(sum(end - start for start, end in stamps) / max(last - since, 1e-9), 1.0),
-        model.rate,
-        np.ptp(position, axis=0),
-        _holds(model),
-        model.cutoff,
+        robot=robot,
+        smoothing=smoothing,
+        presliding=model.presliding,
+        presliding_exponent=model.presliding_exponent,
+        pace=speed.mean(axis=0),
+        friction=dry + viscous,
+        viscous=np.clip(viscous / np.maximum(dry + viscous, 1e-12), 0.0, 1.0),
+        largest=np.abs(panel.seen("total")).max(axis=0),
+        per_newton_metre=_per_newton_metre(model, panel),
+        since=since,
+        logged=min(sum(end - start for start, end in stamps) / max(last - since, 1e-9), 1.0),
+        rate=model.rate,
+        reach=np.ptp(panel.motion.q, axis=0),
+        holds=dry,
+        cutoff=model.cutoff,
     )
 
 
@@ -123,9 +122,8 @@ def _per_newton_metre(model: CurrentModel, panel: Panel) -> FloatArray:
     if model.force_unit == NEWTON_METRE:
         return np.ones(robot.n)
     ratio = np.ones(robot.n)
-    urdf = [context.link_regressor @ robot.multibody.parameters for context in panel.contexts]
-    nominal = np.concatenate([u[r] for u, r in zip(urdf, panel.rows, strict=True)])
-    load = panel.seen("load")
+    motion, load = panel.motion, panel.seen("load")
+    nominal = robot.rigid_body.inverse_dynamics(motion.q, motion.dq, motion.ddq, robot.multibody.parameters)
     for j in range(robot.n):
         square = float(nominal[:, j] @ nominal[:, j])
         ratio[j] = float(nominal[:, j] @ load[:, j]) / square if square > 0 else 1.0

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ident.arrays import BoolArray
-from ident.effects.friction import Coulomb
+from ident.effects.friction import SLOWEST_SIGMOID, Coulomb
 from ident.gap.joint_gap import JointGap
 from ident.gap.panel import Panel
 from ident.gap.presliding import DryFriction, with_directions
@@ -18,7 +18,7 @@ from ident.log import LogSource
 from ident.model import CurrentModel
 from ident.walk import Block, kept_rows
 
-SMOOTHINGS = np.geomspace(3e-4, 1e-2, 12)
+SMOOTHINGS = np.geomspace(3e-4, 2.0 * SLOWEST_SIGMOID, 15)
 """Speeds [rad/s or m/s] over which the sign of velocity may turn; beyond, it is an effect of its own (sigmoid)."""
 
 TOLD = 0.05

@@ -86,7 +86,7 @@ class Subject:
 
     def gap(self, panel: Panel, joint: int) -> JointGap:
         """The joint's rows: the model's columns if it is refitted, else what it leaves; of one that sticks no rests."""
-        found = (gap_of if self.refit else held_of)(self.model, panel, joint)
+        found = (gap_of if self.refit else held_of)(self.model, panel, joint).dealt(panel)
         if joint not in self.rests.joints:
             return found
         left = found.moving(panel, ~panel.gather(self.rests.counts)[:, joint])

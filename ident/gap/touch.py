@@ -7,7 +7,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.ndimage import binary_dilation, find_objects, label
+from scipy.ndimage import find_objects, label
 
 from ident.arrays import BoolArray, FloatArray, IntArray
 from ident.effects.base import Survey
@@ -94,7 +94,7 @@ def undisturbed(gap: JointGap, panel: Panel, named: Sequence[Trial] = ()) -> Flo
     """
     left = plain = gap.everywhere(panel, named)
     told = gap.keep | (gap.leverage(panel, named, gap.keep) <= 1.0)
-    stretches = (1.0 - RAREST) * gap.keep.sum() * row_step(panel) / SMOOTH
+    stretches = (1.0 - RAREST) * gap.keep.sum() * panel.step / SMOOTH
     if stretches < STRETCHES * max(1, gap.matrix.shape[1] + len(named)):
         return np.where(told, plain, 0.0)
     for _ in range(STEPS):
@@ -108,7 +108,7 @@ def undisturbed(gap: JointGap, panel: Panel, named: Sequence[Trial] = ()) -> Flo
 
 def find_touches(panel: Panel, survey: Survey, residuals: FloatArray, named: FloatArray) -> Touches:
     """Find contact in the residuals (N, n) that are left when all that could be named, (N, n), is taken away."""
-    step = row_step(panel)
+    step = panel.step
     touched = np.zeros(residuals.shape, dtype=bool)
     edges = np.append(panel.start, len(panel))
     averaged = _averaged(panel, residuals)
@@ -124,7 +124,7 @@ def find_touches(panel: Panel, survey: Survey, residuals: FloatArray, named: Flo
     for j, a, b in _pieces(bursts, edges):
         others = np.delete(bursts[a:b], j, axis=1).any(axis=1)
         touched[a:b, j] = (sure[a:b, j] | others).mean() > 0.5
-    position = panel.gather(lambda block: block.motion.q)
+    position = panel.motion.q
     for j, a, b in list(_pieces(touched, edges)):
         free = (residuals[:, j] != 0.0) & ~still[:, j]
         if _comes_back(position[:, j], residuals[:, j], free, edges, a, b):
@@ -134,14 +134,14 @@ def find_touches(panel: Panel, survey: Survey, residuals: FloatArray, named: Flo
     touched |= _faint(averaged, usual, touched, edges, shortest)
     share = touched.mean(axis=0)
     touched[:, share > RAREST] = False
-    rows = binary_dilation(touched.any(axis=1), iterations=margin)
+    rows = panel.around(np.asarray(touched.any(axis=1)), MARGIN)
     size = np.abs(averaged)
     if not np.any(size.max(axis=0, where=touched, initial=0.0) > CLEAR * size[~rows].max(axis=0, initial=0.0)):
         touched[:], rows = False, np.zeros_like(rows)
     any_joint = touched.any(axis=1)
-    _, episodes = label(rows)
+    episodes = sum(1 for _ in _pieces(rows[:, None], edges))
     joints = tuple(int(j) for j in np.flatnonzero(touched.any(axis=0)))
-    return Touches(np.asarray(rows, dtype=bool), joints, float(any_joint.sum() * step), int(episodes))
+    return Touches(rows, joints, float(any_joint.sum() * step), episodes)
 
 
 def _faint(averaged: FloatArray, usual: FloatArray, touched: BoolArray, edges: IntArray, shortest: int) -> BoolArray:
@@ -163,7 +163,7 @@ def _lasting(marked: BoolArray, edges: IntArray, shortest: int) -> BoolArray:
 
 def _averaged(panel: Panel, residuals: FloatArray) -> FloatArray:
     """Residuals (N, ...) averaged over a little time, within each block."""
-    return moving_average(residuals, panel.start, max(1, round(SMOOTH / row_step(panel))))
+    return moving_average(residuals, panel.start, max(1, round(SMOOTH / panel.step)))
 
 
 def _pieces(marked: BoolArray, edges: IntArray) -> Iterator[tuple[int, int, int]]:
@@ -228,9 +228,3 @@ def _usual(panel: Panel, averaged: FloatArray, known: BoolArray, joint: int) -> 
     if moving.any():
         usual[moving] = max(usual[0], float(np.median(size[moving])))
     return usual
-
-
-def row_step(panel: Panel) -> float:
-    """Seconds between two rows that are looked at."""
-    steps = [np.diff(block.motion.t[rows]) for block, rows in zip(panel.blocks, panel.rows, strict=True)]
-    return float(np.median(np.concatenate(steps)))

@@ -164,9 +164,12 @@ def test_laws_are_not_in_the_span_of_the_catalogues_columns(name, rows):
     motion = Motion(scene.t, scene.q, scene.dq, scene.ddq)
     links = np.tile(maker.parameters, (n, 1))
     context = Context(maker.robot, motion, scene.torque, links, scene.known)
-    survey = Survey(maker.robot, np.full(n, 2e-3), np.zeros(n), np.ones(n), np.abs(scene.dq).mean(0), maker.coulomb,
-                    np.zeros(n), np.abs(scene.known).max(0), np.ones(n), 0.0, 1.0, 100.0,
-                    np.ptp(scene.q, axis=0), maker.coulomb, 8.0)  # fmt: skip
+    survey = Survey(
+        robot=maker.robot, smoothing=np.full(n, 2e-3), presliding=np.zeros(n), presliding_exponent=np.ones(n),
+        pace=np.abs(scene.dq).mean(0), friction=maker.coulomb, viscous=np.zeros(n),
+        largest=np.abs(scene.known).max(0), per_newton_metre=np.ones(n), since=0.0, logged=1.0, rate=100.0,
+        reach=np.ptp(scene.q, axis=0), holds=maker.coulomb, cutoff=8.0,
+    )  # fmt: skip
     effects = [*kind.candidates(survey, joint), *kind.candidates(survey, None)]
     assert effects
     for effect in effects:

@@ -14,8 +14,6 @@ from ident.effects.electrical import Cogging
 from ident.effects.friction import Coulomb, LoadFriction, PositionFriction, Stribeck, ViscousNonlinear
 from ident.effects.hysteresis import Backlash, MaxwellSlip
 from ident.effects.rigid_body import CableSpring, Links, RotorInertia
-from ident.effects.thermal import ThermalFriction
-from ident.effects.timing import Delay, FilterLag
 from ident.effects.transmission import CrossJointFriction, Elasticity, GearRipple
 from ident.errors import InputError
 from ident.model import NEWTON_METRE, CurrentModel
@@ -167,28 +165,6 @@ def test_links_of_one_row_are_those_of_the_robot(vs060, context):
         np.testing.assert_allclose(row, torque[:, joint], atol=1e-4)
 
 
-def test_a_delay_over_a_span_of_its_own_length_is_exact(vs060):
-    t = np.arange(400) * 0.002
-    total = np.tanh(np.sin(9.0 * t)[:, None] / np.linspace(0.01, 1.0, 6))
-    still = np.zeros_like(total)
-    context = Context(vs060, Motion(t, still, still, still), total=total)
-    late = np.vstack([np.repeat(total[:1], 5, axis=0), total[:-5]])
-    whole = 0.01 * Delay(None).columns(context, np.array([0.01]), Delay(None).start())[:, :, 0]
-    np.testing.assert_allclose(total + whole, late, atol=1e-9)
-    first_order = Delay(4).columns(context, np.array([0.001]), Delay(4).start())[1:, 0]
-    np.testing.assert_allclose(first_order, -np.diff(total[:, 4]) / 0.002, atol=1e-9)
-    # To the last digit whatever the span, so that no search follows round-off.
-    within = [Delay(4, 0.002).columns(context, np.array([s]), Delay(4).start()) for s in (0.001, 0.0013)]
-    np.testing.assert_array_equal(*within)
-
-
-def test_all_of_the_current_comes_late():
-    delay, lag = Delay(None, sample=0.002), FilterLag(None)
-    assert delay.plain(np.array([0.004])) == 0.004
-    assert delay.plain(np.array([0.002])) is None
-    assert lag.plain(np.array([20.0])) == 1.0
-
-
 def test_a_spring_leaves_the_motor_what_the_links_need_where_they_are(vs060):
     t = np.arange(600) * 0.002
     phase = 2.0 * np.pi * t[:, None] * np.linspace(0.6, 1.6, 6) + np.arange(6)
@@ -270,7 +246,11 @@ def test_a_subclass_with_a_name_enters_the_catalogue():
         def columns(self, context, shape, memory):
             return np.zeros((len(context.motion), 0))
 
+    class OfOneRobot(Quadratic):
+        """The same, without a name of its own."""
+
     assert load_catalogue()["test-quadratic"] is Quadratic
+    assert OfOneRobot(1).name == "test-quadratic"
     del Effect.catalogue["test-quadratic"]
 
 
@@ -280,11 +260,15 @@ def test_a_power_of_speed_is_tried_on_either_side_of_viscous_friction():
     assert [(s.lower, s.upper, s.starts) for s in ranges] == [(0.1, 0.9, (0.5, 0.2)), (1.1, 4.0, (2.0, 3.0))]
 
 
-@pytest.mark.parametrize(("reach", "fewest"), [(1.5, 1.05), (6.0, 0.3), (0.01, 6.0)])
-def test_friction_swings_a_quarter_and_more_over_the_angles_seen(reach, fewest):
+@pytest.mark.parametrize(
+    ("slides", "reach", "fewest"), [(False, 1.5, 1.05), (False, 6.0, 0.3), (False, 0.01, 6.0), (True, 0.5, 0.5)]
+)
+def test_friction_swings_a_quarter_and_more_over_the_positions_seen(slides, reach, fewest):
     figures = {"smoothing": 2e-3, "presliding": 1e-4, "presliding_exponent": 0.5, "reach": reach}
-    survey = SimpleNamespace(**{key: np.full(6, value) for key, value in figures.items()})
+    robot = SimpleNamespace(multibody=SimpleNamespace(prismatic=[slides] * 6))
+    survey = SimpleNamespace(robot=robot, **{key: np.full(6, value) for key, value in figures.items()})
     one, two = PositionFriction.candidates(survey, 1)
+    assert one.turn == (1.0 if slides else 2.0 * np.pi)
     assert (one.harmonics, two.harmonics) == (1, 2)
     assert (one.smoothing, one.presliding, one.presliding_exponent) == (2e-3, 1e-4, 0.5)
     for (swings,) in (one.shapes, two.shapes):
@@ -392,27 +376,3 @@ def test_a_mix_of_two_joints_is_no_friction_of_one(vs060):
         mix = form.shapes[0]
         assert min(abs(mix.lower), abs(mix.upper)) == pytest.approx(0.2)
         assert mix.ends == (form.side > 0, form.side < 0)
-
-
-def test_a_filter_delays_a_ramp_by_its_time_constant_at_any_rate(vs060):
-    # As filters do that run many times faster than the log: 1 / (2 pi f) behind, once settled.
-    for rate in (50.0, 100.0, 1000.0):
-        t = np.arange(round(rate)) / rate
-        total = np.tile(3.0 * t[:, None], 6)
-        context = Context(vs060, Motion(t, total, total, total), total=total)
-        lag = FilterLag(None).columns(context, np.array([20.0]), FilterLag(None).start())[:, 0, 0]
-        assert lag[-1] == pytest.approx(-3.0 / (2.0 * np.pi * 20.0), rel=1e-6)
-
-
-@pytest.mark.parametrize("logged", [0.0, 1.0])
-def test_a_joint_is_as_warm_as_a_later_log_says_that_it_moved_before(vs060, logged):
-    t, zeros = np.arange(0.0, 300.0, 0.1), np.zeros((3000, 6))
-    dq = np.full((3000, 6), 0.4)
-    whole = Context(vs060, Motion(1000.0 + t, zeros, dq, zeros), zeros, zeros, zeros)
-    effect = ThermalFriction(1, pace=0.4, since=1000.0, logged=logged)
-    columns, later = (
-        effect.columns(one, np.array([80.0, 1.0]), effect.start()) for one in (whole, part(whole, slice(1000, None)))
-    )
-    np.testing.assert_array_equal(columns[0], 0.0)  # the first is cold
-    expected = columns[1000:] if logged else columns[:2000]
-    np.testing.assert_allclose(later, expected, rtol=1e-9, atol=1e-12)

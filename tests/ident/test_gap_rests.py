@@ -303,13 +303,12 @@ def test_noise_of_the_velocity_counts_only_where_the_sign_turns(arm, monkeypatch
 
 
 @pytest.mark.parametrize(("hertz", "hunts"), [(1.2, False), (3.3, True)])
-def test_a_drive_hunts_more_than_once_in_a_rest(monkeypatch, hertz, hunts):
+def test_a_drive_hunts_more_than_once_in_a_rest(hertz, hunts):
     # Friction that holds what an integrator builds up swings once in each rest.
-    monkeypatch.setattr(rests_module, "row_step", lambda panel: 1.0 / RATE)
     t = np.arange(6000) / RATE
     rest = t % 3.0 < 1.0
     left = np.where(rest, np.sin(2 * np.pi * hertz * t), 0.0)
-    assert _hunts(SimpleNamespace(start=np.array([0])), left, rest) == hunts
+    assert _hunts(SimpleNamespace(start=np.array([0]), step=1.0 / RATE), left, rest) == hunts
 
 
 def test_a_stop_that_the_filter_smears_is_no_motion():

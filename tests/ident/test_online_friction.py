@@ -30,8 +30,6 @@ CATALOGUE = {name: kind for name, kind in load_catalogue().items() if kind.__mod
 class Doubled(Coulomb):
     """A user's effect: derived from an encoded one, with columns of its own."""
 
-    name = ""
-
     def columns(self, context, shape, memory):
         return 2.0 * super().columns(context, shape, memory)
 

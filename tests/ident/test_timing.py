@@ -1,0 +1,40 @@
+"""Currents that come late or pass a filter."""
+
+import numpy as np
+import pytest
+
+from ident.effects.base import Context
+from ident.effects.timing import Delay, FilterLag
+from ident.signals import Motion
+
+
+def test_a_delay_over_a_span_of_its_own_length_is_exact(vs060):
+    t = np.arange(400) * 0.002
+    total = np.tanh(np.sin(9.0 * t)[:, None] / np.linspace(0.01, 1.0, 6))
+    still = np.zeros_like(total)
+    context = Context(vs060, Motion(t, still, still, still), total=total)
+    late = np.vstack([np.repeat(total[:1], 5, axis=0), total[:-5]])
+    whole = 0.01 * Delay(None).columns(context, np.array([0.01]), Delay(None).start())[:, :, 0]
+    np.testing.assert_allclose(total + whole, late, atol=1e-9)
+    first_order = Delay(4).columns(context, np.array([0.001]), Delay(4).start())[1:, 0]
+    np.testing.assert_allclose(first_order, -np.diff(total[:, 4]) / 0.002, atol=1e-9)
+    # To the last digit whatever the span, so that no search follows round-off.
+    within = [Delay(4, 0.002).columns(context, np.array([s]), Delay(4).start()) for s in (0.001, 0.0013)]
+    np.testing.assert_array_equal(*within)
+
+
+def test_all_of_the_current_comes_late():
+    delay, lag = Delay(None, sample=0.002), FilterLag(None)
+    assert delay.plain(np.array([0.004])) == 0.004
+    assert delay.plain(np.array([0.002])) is None
+    assert lag.plain(np.array([20.0])) == 1.0
+
+
+def test_a_filter_delays_a_ramp_by_its_time_constant_at_any_rate(vs060):
+    # As filters do that run many times faster than the log: 1 / (2 pi f) behind, once settled.
+    for rate in (50.0, 100.0, 1000.0):
+        t = np.arange(round(rate)) / rate
+        total = np.tile(3.0 * t[:, None], 6)
+        context = Context(vs060, Motion(t, total, total, total), total=total)
+        lag = FilterLag(None).columns(context, np.array([20.0]), FilterLag(None).start())[:, 0, 0]
+        assert lag[-1] == pytest.approx(-3.0 / (2.0 * np.pi * 20.0), rel=1e-6)
