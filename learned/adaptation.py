@@ -151,32 +151,39 @@ def adapt_payload(
     regressor = body.regressor(*_advanced(motion.q[use], motion.dq[use], motion.ddq[use], predictor.cutoff))[
         :, :, last_link(robot)
     ]
-    known = robot.gain is not None
     if robot.gain is not None:
-        scale, spread = 1.0 / robot.gain, np.zeros(robot.n)
+        first, spread = 1.0 / robot.gain, np.zeros(robot.n)
     else:
         physics = identified or getattr(predictor, "physics", None)
-        scale, spread = _current_per_torque(
-            predictor,
-            robot,
-            log if reference is None else reference,
-            physics if isinstance(physics, CurrentModel) else None,
-        )
-    payload = np.zeros(10)
-    first = scale
+        plain = physics if isinstance(physics, CurrentModel) else None
+        first, spread = _current_per_torque(predictor, robot, log if reference is None else reference, plain)
     alike = np.full(robot.n, CORRELATION * predictor.rate) if reference is None else _alike(predictor, reference)
-    alike = np.maximum(alike, 1.0)
+    return AdaptedModel(predictor, robot, *_payload_and_scale(regressor, left, first, spread, np.maximum(alike, 1.0)))
+
+
+def _payload_and_scale(
+    regressor: FloatArray, left: FloatArray, first: FloatArray, spread: FloatArray, alike: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Parameters (10,) of the payload and current per torque (n,), in turn: each is linear where the other is known.
+
+    Args:
+        regressor: (N, n, 10) of the payload's torques.
+        left: current (N, n) that it explains.
+        first: current per torque (n,) as known before, and
+        spread: its standard deviation over it (n,); nought where it is sure.
+        alike: samples (n,) over which errors are alike.
+    """
+    payload, scale = np.zeros(10), first
     for _ in range(ROUNDS):
         error = left - scale * (regressor @ payload)
         noise = np.maximum(np.mean(error**2, axis=0), 1e-12) * alike
         payload = _payload(regressor, left, scale, noise)
-        if known:
-            continue
         torque = regressor @ payload
-        prior = noise / (spread * first) ** 2
-        scale = (np.sum(torque * left, axis=0) + prior * first) / (np.sum(torque**2, axis=0) + prior)
-        scale = np.maximum(scale, 0.05 * first)
-    return AdaptedModel(predictor, robot, payload, scale)
+        # The inverse of the prior's variance would be infinite where the scale is sure.
+        trust = (spread * first) ** 2
+        found = (trust * np.sum(torque * left, axis=0) + noise * first) / (trust * np.sum(torque**2, axis=0) + noise)
+        scale = np.maximum(found, 0.05 * first)
+    return payload, scale
 
 
 def last_link(robot: Robot) -> slice:

@@ -5,6 +5,7 @@ from types import SimpleNamespace
 import pytest
 
 from comparisons.report.gap import nameless, sentence
+from ident.effects.hysteresis import Backlash
 from ident.gap import Finding, Unexplained
 
 
@@ -26,5 +27,6 @@ def test_displacements_have_the_unit_of_their_joint(slides, unit):
         model=SimpleNamespace(robot=SimpleNamespace(displacement_unit=("rad", "m" if slides else "rad").__getitem__)),
         evidence=None,
     )
-    play = Finding("backlash", "hysteresis", (1,), {"gap": 5e-5, "share": 0.9}, 1e-6, (), None, (), 0.4)
+    terms = (SimpleNamespace(effect=Backlash(1)),)
+    play = Finding("backlash", "hysteresis", (1,), {"gap": 5e-5, "share": 0.9}, 1e-6, (), None, terms, 0.4)
     assert f"(backlash; gap 5e-05 {unit}, share 0.9)" in sentence(found, play)
