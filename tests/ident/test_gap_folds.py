@@ -6,8 +6,8 @@ import numpy as np
 from planar_arm import logs, record
 
 from ident.gap import baseline_model
-from ident.gap.folds import FOLDS, even_folds
-from ident.gap.rows import panel_of
+from ident.gap.folds import FOLDS, even_folds, goes_beyond
+from ident.gap.rows import gap_of, panel_of
 
 
 def folds_of_logs(model, train):
@@ -34,3 +34,27 @@ def test_every_log_is_cut_into_a_part_of_each_fold_by_the_rows_that_count():
         counted = fold[keep & (log == number)]
         assert np.all(np.diff(counted) >= 0)
         assert np.ptp(np.bincount(counted, minlength=FOLDS)) <= 1
+
+
+def test_a_joint_that_moves_far_beyond_all_other_folds_in_one_is_dealt_to_folds_of_many_parts(arm):
+    train = logs(arm, 1)
+    once = 3.0 * np.exp(-(((train[0].t - 12.0) / 6.0) ** 2))
+    far = [train[0].replace(q=train[0].q + once[:, None] * [0.0, 1.0]), *train[1:]]
+    model = baseline_model(arm, train)
+    for taken, parts in ((train, 2), (far, 3 * FOLDS)):
+        panel = panel_of(model, taken)
+        first, second = (gap_of(model, panel, j).dealt(panel) for j in (0, 1))
+        assert first.parts is None
+        changes = np.count_nonzero(np.diff(second.fold(panel)[panel.log == 1])) + 1
+        assert changes == parts
+
+
+def test_far_is_other_positions_or_faster():
+    fold = np.repeat(np.arange(FOLDS), 1000)
+    q = np.tile(np.linspace(-1.0, 1.0, 1000), FOLDS)
+    dq = np.ones(len(q))
+    assert not goes_beyond(fold, q, dq)
+    assert not goes_beyond(fold, np.where(fold == 2, 1.4 * q, q), np.where(fold == 1, 1.8, dq))
+    assert goes_beyond(fold, np.where(fold == 2, 1.6 * q, q), dq)
+    assert goes_beyond(fold, np.where(fold == 2, q + 1.2, q), dq)
+    assert goes_beyond(fold, q, np.where(fold == 1, 2.2, dq))
