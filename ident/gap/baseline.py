@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 
 from threadpoolctl import threadpool_limits
 
+from ident.cutoff import HIGHEST_SHARE
 from ident.fit import fit
 from ident.gap.presliding import built_anew, yielding
 from ident.gap.rests import Rests, find_rests, rests_of
@@ -31,9 +32,6 @@ ROWS_KEPT = 0.95
 ENDS = 2.0
 """Periods, at logs' ends, of the cut-off that the search begins with that tell nothing of it: there the filter leans
 on what it takes for the positions before and after."""
-
-HIGHEST = 0.4
-"""Cut-off at most, times the sampling rate."""
 
 
 def baseline_model(
@@ -141,7 +139,7 @@ def _better(best: Smoothed, factor: float, logs: _Logs) -> Smoothed | None:
     """
     for steps in (1, 2):
         cutoff = best.model.cutoff * factor**steps
-        if cutoff >= HIGHEST * best.model.rate:
+        if cutoff >= HIGHEST_SHARE * best.model.rate:
             break
         other = _best_velocities(replace(best.model, cutoff=cutoff), logs)
         least = steps * WORTH * (best.model.n if factor < 1.0 else 1)

@@ -25,6 +25,7 @@ BLOCKS = 60
 """Blocks of rows whose squared residuals are compared in pairs; longer than residuals remember."""
 
 RIVALS = 8
+"""Other names, best first, that are held against one; those after them explain far less."""
 
 MOTIONS = {
     frozenset({"coulomb-asymmetry", "current-offset"}): ("torque_ramps", "slow torque ramps from rest"),

@@ -64,7 +64,9 @@ def new_lag(model: CurrentModel, sources: Sequence[LogSource], refit: bool) -> V
 
 def _lags_more(model: CurrentModel, sources: Sequence[LogSource]) -> bool:
     """Whether velocities lag now and did not when a model held fixed was identified: positions suit it better."""
+    if model.positions_only:
+        return False
     models = [replace(model, positions_only=only) for only in (False, True)]
     left = [left_by(model, panel_of(model, sources)) for model in models]
     logged, derived = (float(np.sum(np.log(np.maximum(np.mean(x**2, axis=0), 1e-300)))) for x in left)
-    return not model.positions_only and derived <= logged - WORTH * model.n
+    return derived <= logged - WORTH * model.n
