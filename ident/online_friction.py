@@ -125,7 +125,10 @@ class OneSample:
 def _known(term: Term, robot: Robot) -> bool:
     """Whether the table can hold a term; whatever is odd about one is left for its columns to complain of."""
     effect = term.effect
-    if type(effect) not in ENCODED or (isinstance(effect, GearRipple) and effect.harmonics > 1):
+    fuller = (isinstance(effect, GearRipple) and effect.harmonics > 1) or (
+        isinstance(effect, CableSpring) and effect.slack
+    )
+    if type(effect) not in ENCODED or fuller:
         return False
     inside = all(j is not None and 0 <= j < robot.n for j in (effect.joint, getattr(effect, "source", 0)))
     full = (len(effect.shapes), len(effect.coefficients(robot)))

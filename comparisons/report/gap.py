@@ -52,7 +52,10 @@ WORDS = {
     "contact": "something touched the arm",
 }
 ANGLE = "{angle}"
-UNITS = {"mass": "kg", "seconds": "s", "hertz": "Hz", "roll": "rad", "pitch": "rad", "gap": ANGLE, "slip": ANGLE}
+UNITS = {
+    **{"mass": "kg", "seconds": "s", "hertz": "Hz", "roll": "rad", "pitch": "rad"},
+    **dict.fromkeys(("gap", "slip", "neutral", "slack"), ANGLE),
+}
 SIZES = {
     "load": "it is larger where that changes sides, as where gears have play",
     "|dq": "it is larger in slow motion",

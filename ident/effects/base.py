@@ -146,6 +146,7 @@ class Survey:
         logged: share of the time between that and the last that the logs cover.
         rate: sampling rate [Hz].
         reach: range (n,) of the joints' positions [rad or m].
+        middle: middle (n,) of it.
         holds: force (n,) that dry friction holds of a joint that stands, in the model's force unit.
         cutoff: of the filter that derives velocity and acceleration [Hz].
     """
@@ -163,6 +164,7 @@ class Survey:
     logged: float
     rate: float
     reach: FloatArray
+    middle: FloatArray
     holds: FloatArray
     cutoff: float
 

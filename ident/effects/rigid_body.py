@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ident.arrays import FloatArray
-from ident.effects.base import Coefficient, Context, Effect, Shape
+from ident.effects.base import Coefficient, Context, Effect, Shape, Survey
 
 if TYPE_CHECKING:
     from ident.base_parameters import BaseParameters
@@ -16,6 +16,9 @@ if TYPE_CHECKING:
 
 NEUTRAL = (0.0, -0.5, 0.5, -1.0, 1.0, -1.75, 1.75, -2.5, 2.5)
 """Angles [rad or m] from which that is searched at which cables hang free."""
+
+OFF_MIDDLE = (-0.6, -0.3, 0.0, 0.3, 0.6)
+"""How far off the middle of the positions seen slack cables may hang free, in halves of their range, and the starts."""
 
 MOMENT_UNITS = {"m": "kg", "mx": "kg m", "my": "kg m", "mz": "kg m"}
 
@@ -74,7 +77,17 @@ class RotorInertia(Effect):
 
 @dataclass(frozen=True)
 class CableSpring(Effect):
-    """Cables and hoses that pull a joint to where they hang free, and stiffen away from there."""
+    """Cables and hoses that pull a joint to where they hang free, stiffening away from there or once they are taut.
+
+    Attributes:
+        slack: whether they pull only once they are taut, on both sides of where they hang free.
+        middle: middle of the positions seen [rad or m], of one that does.
+        half: half of their range.
+    """
+
+    slack: bool = False
+    middle: float = 0.0
+    half: float = 1.0
 
     name = "cable-spring"
     family = "rigid-body"
@@ -82,24 +95,54 @@ class CableSpring(Effect):
     rivals = ("gravity-balancer", "gear-ripple")
     excitation = "the joint's whole range, with the other joints in several poses"
 
+    @classmethod
+    def candidates(cls, survey: Survey, joint: int | None) -> list[Effect]:
+        """Try it stiffening, and slack within the positions seen: what is taut on one side alone may be a stop."""
+        if joint is None:
+            return []
+        half = 0.5 * float(survey.reach[joint])
+        return [cls(joint), *([cls(joint, True, float(survey.middle[joint]), half)] if half > 0.0 else [])]
+
     @property
     def shapes(self) -> tuple[Shape, ...]:
-        """Return the angle at which the cables hang free, which a stiffness alone does not tell from an offset."""
-        return (Shape("neutral", "{angle}", -4.0, 4.0, NEUTRAL, log=False, ends=(False, False)),)
+        """Return the angle at which the cables hang free, which a stiffness alone does not tell from an offset.
 
-    def coefficients(self, robot: Robot) -> tuple[Coefficient, ...]:
-        """Return the stiffness there, and its growth with the angle's square; a pull is never a push."""
+        Of slack ones also where they are taut, as a share of the way from there to the nearer end of the positions.
+        """
+        if not self.slack:
+            return (Shape("neutral", "{angle}", -4.0, 4.0, NEUTRAL, log=False, ends=(False, False)),)
+        near, *starts, far = (self.middle + share * self.half for share in OFF_MIDDLE)
         return (
-            Coefficient("stiffness", "{current}/{angle}", lower=0.0),
-            Coefficient("stiffening", "{current}/{angle}^3", lower=0.0),
+            Shape("neutral", "{angle}", near, far, tuple(starts), log=False),
+            Shape("taut", "1", 0.05, 0.9, (0.3, 0.6), log=False, ends=(False, True)),
         )
 
+    def coefficients(self, robot: Robot) -> tuple[Coefficient, ...]:
+        """Return the stiffness and, of stiffening ones, its growth with the angle's square; a pull is never a push."""
+        stiffness = Coefficient("stiffness", "{current}/{angle}", lower=0.0)
+        return (stiffness,) if self.slack else (stiffness, Coefficient("stiffening", "{current}/{angle}^3", lower=0.0))
+
     def columns(self, context: Context, shape: FloatArray, memory: FloatArray) -> FloatArray:
-        """Return the angle from neutral and its cube."""
+        """Return the angle from neutral and its cube, or what it is beyond the slack."""
         angle = context.motion.q[:, self.at] - shape[0]
+        if self.slack:
+            taut: FloatArray = np.sign(angle) * np.maximum(np.abs(angle) - self._slack(shape), 0.0)
+            return taut[:, None]
         return np.stack([angle, angle**3], axis=1)
+
+    def _slack(self, shape: FloatArray) -> float:
+        """How far from neutral the cables are taut."""
+        return float(shape[1] * (self.half - abs(shape[0] - self.middle)))
 
     def gradient(self, context: Context, shape: FloatArray) -> FloatArray:
         """Differentiate the columns by the neutral angle."""
+        if self.slack:
+            return super().gradient(context, shape)
         angle = context.motion.q[:, self.at] - shape[0]
         return np.stack([-np.ones_like(angle), -3.0 * angle**2], axis=1)[None]
+
+    def summary(self, robot: Robot, shape: FloatArray, coefficients: FloatArray) -> dict[str, float | list[float]]:
+        """Return neutral angle, stiffness and its growth, or the slack."""
+        if not self.slack:
+            return super().summary(robot, shape, coefficients)
+        return {"neutral": float(shape[0]), "slack": self._slack(shape), "stiffness": float(coefficients[0])}

@@ -73,6 +73,7 @@ def survey_of(model: CurrentModel, panel: Panel) -> Survey:
         logged=min(sum(end - start for start, end in stamps) / max(last - since, 1e-9), 1.0),
         rate=model.rate,
         reach=np.ptp(panel.motion.q, axis=0),
+        middle=0.5 * (panel.motion.q.min(axis=0) + panel.motion.q.max(axis=0)),
         holds=dry,
         cutoff=model.cutoff,
     )

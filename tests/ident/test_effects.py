@@ -14,6 +14,7 @@ from ident.effects.electrical import Cogging
 from ident.effects.friction import Coulomb, LoadFriction, PositionFriction, Stribeck, ViscousNonlinear
 from ident.effects.hysteresis import Backlash, MaxwellSlip
 from ident.effects.rigid_body import CableSpring, Links, RotorInertia
+from ident.effects.thermal import ThermalFriction
 from ident.effects.transmission import CrossJointFriction, Elasticity, GearRipple
 from ident.errors import InputError
 from ident.model import NEWTON_METRE, CurrentModel
@@ -99,6 +100,8 @@ VARIANTS = (
     Elasticity(1, everywhere=True, rings=True),
     Backlash(1, flies=True),
     Backlash(1, flies=True, dry=2.0),
+    CableSpring(1, slack=True, middle=0.1, half=0.8),
+    ThermalFriction(1, steady=True),
 )
 
 
