@@ -82,7 +82,7 @@ class TorqueSaturation(ToldAtLargest):
     @property
     def shapes(self) -> tuple[Shape, ...]:
         """Return the power by which the missing share grows."""
-        return (Shape("power", "1", 0.4, 8.0, (1.0, 2.0, 4.0), ends=(False, False)),)
+        return (Shape("power", "1", 0.4, 8.0, (1.0, 2.0, 4.0), ends=(True, False)),)
 
     def coefficients(self, robot: Robot) -> tuple[Coefficient, ...]:
         """Return the excess at the largest force."""

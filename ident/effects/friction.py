@@ -281,6 +281,7 @@ class PositionFriction(DirectedEffect):
 
     name = "position-friction"
     family = "friction"
+    contains = ("coulomb",)
     rivals = ("load-friction", "gear-ripple")
     excitation = "the same angles crossed in both directions, over most of the range"
 
