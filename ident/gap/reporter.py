@@ -23,7 +23,7 @@ from ident.gap.panel import Panel
 from ident.gap.preflight import untestable
 from ident.gap.report import Finding, GapReport, Unexplained
 from ident.gap.rows import left_by
-from ident.gap.settle import alternatives, next_experiment, plainest
+from ident.gap.settle import alternatives, next_experiment
 from ident.gap.subject import Subject
 from ident.gap.threads import in_threads
 from ident.gap.touch import Touches
@@ -154,10 +154,10 @@ class Reporter:
 
     def _joint_finding(self, gap: JointGap, named: Sequence[Named], one: Named, total: float) -> Finding:
         """A joint's own cause; its figures are yet to come, with the delivered model."""
-        panel, others = self.subject.panel, [n.trial for n in named if n is not one]
-        first, rivals = plainest(one, alternatives(panel, gap, named, one))
-        effect, trial = first.effect, first.trial
+        effect, trial, panel = one.effect, one.trial, self.subject.panel
+        others = [n.trial for n in named if n is not one]
         found = coefficients(panel, gap.problem(panel, others), trial, gap.joint)
+        rivals = alternatives(panel, gap, named, one)
         experiments = {name: self._experiment(gap, trial, rival, others) for name, rival in rivals.items()}
         return Finding(
             effect.name, effect.family, (gap.joint,), {}, one.p_value, tuple(rivals),

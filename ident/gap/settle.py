@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
 
 import numpy as np
 
@@ -77,23 +76,6 @@ def alternatives(panel: Panel, gap: JointGap, named: Sequence[Named], one: Named
         if close and (one.effect.rivals_with(rival.effect) or _repeats(panel, gap, others, rival, before, explained)):
             found.setdefault(rival.effect.name, rival)
     return found
-
-
-def plainest(one: Named, others: Mapping[str, Trial | None]) -> tuple[Named, dict[str, Trial | None]]:
-    """Of a name and its alternatives of the same kind the one with fewest parameters, and what it is not told from.
-
-    A hose and a balancer between two pins pull alike over less than the joint's range; the hose asks for less.
-    """
-
-    def size(trial: Trial) -> int:
-        return trial.columns + len(trial.shape)
-
-    alike = [t for t in others.values() if t is not None and one.effect.kind and t.effect.kind == one.effect.kind]
-    first = min([one.trial, *alike], key=size)
-    if first is one.trial:
-        return one, dict(others)
-    rest = {name: trial for name, trial in others.items() if trial is not first}
-    return replace(one, trial=first), {one.effect.name: one.trial, **rest}
 
 
 TWINS = {"gear-ripple": "cogging", "cogging": "gear-ripple"}
