@@ -22,7 +22,6 @@ from ident.fit import Fit, fit
 from ident.gap.baseline import Foreseen, foreseen
 from ident.gap.rests import Rests, find_rests
 from ident.gap.rows import panel_of, survey_of
-from ident.gap.smoothing import SMOOTHINGS
 from ident.log import LogSource
 from ident.model import CurrentModel
 from ident.model_file import save_model
@@ -36,6 +35,9 @@ from ident.urdf_export import write_urdf
 Progress = Callable[[str, float], None]
 
 URDF = "identified.urdf"
+
+SLOWEST_SIGN = 0.01
+"""Speed [rad/s or m/s] from which on a sign of velocity that turns over it is left to a law that the logs choose."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -199,7 +201,7 @@ def _turning(old: Effect, seen: Effect) -> Effect:
     """An effect as the logs ask for, unless its sign turns more slowly than a sign may: then it is a law of its own."""
     if isinstance(seen, DirectedEffect) and seen.presliding > 0.0:
         return seen
-    return old if isinstance(seen, VelocityEffect) and seen.smoothing >= SMOOTHINGS[-1] else seen
+    return old if isinstance(seen, VelocityEffect) and seen.smoothing >= SLOWEST_SIGN else seen
 
 
 def _named(start: Start, survey: Survey, names: Sequence[str]) -> list[Effect]:
