@@ -55,7 +55,7 @@ class DriveGain(Effect):
 
     def coefficients(self, robot: Robot) -> tuple[Coefficient, ...]:
         """Return the share by which the joint draws more than the model says."""
-        return (Coefficient("excess", "1", lower=0.0),)
+        return (Coefficient("excess", "1"),)
 
     def columns(self, context: Context, shape: FloatArray, memory: FloatArray) -> FloatArray:
         """Return what the model says."""
@@ -86,7 +86,7 @@ class TorqueSaturation(ToldAtLargest):
 
     def coefficients(self, robot: Robot) -> tuple[Coefficient, ...]:
         """Return the excess at the largest force."""
-        return (Coefficient("excess", "1"),)
+        return (Coefficient("excess", "1", lower=0.0),)
 
     def columns(self, context: Context, shape: FloatArray, memory: FloatArray) -> FloatArray:
         """Return total (|total| / largest)^power."""

@@ -143,6 +143,11 @@ def test_units_are_written_out_and_bounds_hold_the_starts(vs060, name):
         assert not s.log or s.lower > 0
 
 
+def test_a_drive_gives_more_or_less_and_saturates_one_way(vs060):
+    (gain,), (lost,) = (CATALOGUE[name](1).coefficients(vs060) for name in ("drive-gain", "torque-saturation"))
+    assert (gain.lower, lost.lower) == (-np.inf, 0.0)
+
+
 @pytest.mark.parametrize("name", sorted(CATALOGUE))
 def test_what_an_effect_replaces_and_its_rivals_exist(name):
     for replaced in (*CATALOGUE[name].replaces, *CATALOGUE[name].rivals):
