@@ -10,7 +10,6 @@ from ident.arrays import FloatArray
 from ident.effects.base import Survey
 from ident.gap.abstain import explainable
 from ident.gap.bursts import bursts
-from ident.gap.candidates import coefficients
 from ident.gap.constancy import inconstancy
 from ident.gap.counts import counted_force
 from ident.gap.gate import FAST, MOVING
@@ -71,8 +70,7 @@ def _mostly(panel: Panel, gap: JointGap, one: Named, named: Sequence[Named]) -> 
     meant = one.effect.plain(one.trial.shape)
     if meant is None:
         return True
-    problem = gap.problem(panel, [other.trial for other in named if other is not one])
-    return bool(np.all(coefficients(panel, problem, one.trial, gap.joint) > MOST * meant))
+    return bool(np.all(gap.coefficients_of(panel, one, named) > MOST * meant))
 
 
 def _allowed(panel: Panel, survey: Survey, gap: JointGap, named: list[Named]) -> float | None:

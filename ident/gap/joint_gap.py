@@ -9,7 +9,7 @@ import numpy as np
 
 from ident.arrays import BoolArray, FloatArray, IntArray
 from ident.effects.base import Effect
-from ident.gap.candidates import Trial, admissible, best_shape, usable
+from ident.gap.candidates import Trial, admissible, best_shape, coefficients, usable
 from ident.gap.folds import even_folds, goes_beyond
 from ident.gap.gate import Gate, speed_classes
 from ident.gap.panel import Panel
@@ -126,6 +126,11 @@ class JointGap:
     def problem(self, panel: Panel, named: Sequence[Trial] = ()) -> JointProblem:
         """The regression with effects named so far among the baseline's columns."""
         return JointProblem(self._matrix(panel, named), self.target, self.fold(panel), self.keep)
+
+    def coefficients_of(self, panel: Panel, one: Named, named: Sequence[Named]) -> FloatArray:
+        """A name's linear parameters beside the other names of the joint."""
+        problem = self.problem(panel, [other.trial for other in named if other is not one])
+        return coefficients(panel, problem, one.trial, self.joint)
 
     def everywhere(self, panel: Panel, named: Sequence[Trial] = (), fitted: BoolArray | None = None) -> FloatArray:
         """What that leaves in all rows (N,), nuisance taken away in those that count only.

@@ -53,8 +53,7 @@ class Causes:
         for gap, names in zip(self.gaps, self.named, strict=True):
             for one in names:
                 if isinstance(one.effect, Timing):
-                    problem = gap.problem(panel, [other.trial for other in names if other is not one])
-                    found = coefficients(panel, problem, one.trial, gap.joint)
+                    found = gap.coefficients_of(panel, one, names)
                     late[gap.joint] += one.effect.lateness(one.trial.shape, found)
         return late
 

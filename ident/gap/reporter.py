@@ -13,7 +13,7 @@ from ident.arrays import FloatArray
 from ident.cautions import reach_warnings, sign_warnings, still_joints, still_warnings
 from ident.effects.base import Effect, Term
 from ident.gap.belief import unexplained
-from ident.gap.candidates import Trial, coefficients
+from ident.gap.candidates import Trial
 from ident.gap.evidence import evidence, negative_control
 from ident.gap.experiment import Experiment, Joined, Question, separating, with_motion
 from ident.gap.joint_gap import JointGap, Named
@@ -156,7 +156,7 @@ class Reporter:
         """A joint's own cause; its figures are yet to come, with the delivered model."""
         effect, trial, panel = one.effect, one.trial, self.subject.panel
         others = [n.trial for n in named if n is not one]
-        found = coefficients(panel, gap.problem(panel, others), trial, gap.joint)
+        found = gap.coefficients_of(panel, one, named)
         rivals = alternatives(panel, gap, named, one)
         experiments = {name: self._experiment(gap, trial, rival, others) for name, rival in rivals.items()}
         return Finding(
