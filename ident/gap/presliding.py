@@ -15,6 +15,7 @@ from ident.effects.friction import Coulomb, Stribeck
 from ident.gap.candidates import best_start, forms, refine
 from ident.gap.joint_gap import JointGap
 from ident.gap.panel import Panel
+from ident.gap.problem import JointProblem
 from ident.gap.rests import (
     SEVERAL,
     SLIP,
@@ -89,10 +90,16 @@ class DryFriction:
         columns = [self.panel.columns(more, np.array([speed]), self.joint) for speed in besides]
         return np.hstack([self.panel.columns(law, np.zeros(0), self.joint), *columns])
 
-    def rows(self, law: Coulomb, counts: BoolArray) -> JointGap:
-        """The joint's rows, of which some (N,) count, with a law of dry friction."""
-        matrix = np.hstack([self.others, self.columns(law)])
+    def rows(self, counts: BoolArray, law: Coulomb | None = None) -> JointGap:
+        """The joint's rows, of which some (N,) count, with a law of dry friction or without any."""
+        matrix = self.others if law is None else np.hstack([self.others, self.columns(law)])
         return JointGap(self.joint, matrix, self.panel.force[:, self.joint], counts, ())
+
+    def left(self, problem: JointProblem, columns: FloatArray) -> FloatArray:
+        """What a law's columns (N, k) leave of all rows (N,), fitted to those that count in a problem without them."""
+        found, own = problem.fit(problem.of(columns)), self.others.shape[1]
+        left: FloatArray = self.panel.force[:, self.joint] - self.others @ found[:own] - columns @ found[own:]
+        return left
 
     def built_up(self) -> Coulomb:
         """The law that fits all rows best of those that build up over a displacement: rests tell most of it.
@@ -100,7 +107,7 @@ class DryFriction:
         Friction may follow the speed as it likes: what it is more as a joint creeps would shorten the displacement.
         """
         some = np.arange(len(self.panel)) % max(1, len(self.panel) // ROWS) == 0
-        problem = JointGap(self.joint, self.others, self.panel.force[:, self.joint], some, ()).problem(self.panel)
+        problem = self.rows(some).problem(self.panel)
         # A panel of its own: what is tried once need not be kept.
         own = replace(self, panel=replace(self.panel))
         ends = np.array([np.log(DISPLACEMENTS), EXPONENTS])
@@ -180,7 +187,8 @@ def _law(
     if late is not None:
         friction = replace(friction, others=np.hstack([friction.others, late]))
     best = friction.built_up()
-    left = [friction.rows(law, gap.keep).everywhere(panel)[rows] for law in (friction.law, best)]
+    problem = friction.rows(gap.keep).problem(panel)
+    left = (friction.left(problem, friction.columns(law))[rows] for law in (friction.law, best))
     before, after = (float(np.mean(x**2)) for x in left)
     return best if after < MOST * before and best.presliding > SHORTEST else None
 

@@ -9,9 +9,9 @@ import numpy as np
 
 from ident.arrays import BoolArray
 from ident.effects.friction import SLOWEST_SIGMOID, Coulomb
-from ident.gap.joint_gap import JointGap
 from ident.gap.panel import Panel
 from ident.gap.presliding import DryFriction, with_directions
+from ident.gap.problem import JointProblem
 from ident.gap.rests import Rests
 from ident.gap.rows import gap_of, panel_of
 from ident.log import LogSource
@@ -72,15 +72,17 @@ def _turning(model: CurrentModel, panel: Panel, counts: BoolArray, joint: int) -
     tell how well the sign is predicted as the joint creeps, but what is held there is no friction.
     """
     dry = DryFriction.of(model, panel, joint)
-    tried: list[tuple[Coulomb | None, JointGap]]
     if dry is None:
-        tried = [(None, gap_of(model, panel, joint).bare().without(~counts))]
-    else:
-        widths = SMOOTHINGS.tolist() if dry.law.presliding == 0.0 else [dry.law.smoothing]
-        laws = [replace(dry.law, smoothing=width) for width in widths]
-        tried = [(law, dry.rows(law, counts)) for law in laws]
-    problems = [one.problem(panel) for _, one in tried]
-    moving = np.array([float(problem.residual @ problem.residual) for problem in problems])
+        return None, _mean_error(gap_of(model, panel, joint).bare().without(~counts).problem(panel))
+    widths = SMOOTHINGS.tolist() if dry.law.presliding == 0.0 else [dry.law.smoothing]
+    laws = [replace(dry.law, smoothing=width) for width in widths]
+    problem, columns = dry.rows(counts).problem(panel), [dry.columns(law) for law in laws]
+    left = float(problem.residual @ problem.residual)
+    moving = np.array([left - problem.drop(problem.of(own)) for own in columns])
     likely = np.flatnonzero(moving <= (1.0 + TOLD) * moving.min()).tolist()
-    best = min(likely, key=lambda k: float(np.sum(tried[k][1].everywhere(panel) ** 2)))
-    return tried[best][0], max(problems[best].errors().total / len(problems[best]), 1e-300)
+    best = min(likely, key=lambda k: float(np.sum(dry.left(problem, columns[k]) ** 2)))
+    return laws[best], _mean_error(dry.rows(counts, laws[best]).problem(panel))
+
+
+def _mean_error(problem: JointProblem) -> float:
+    return max(problem.errors().total / len(problem), 1e-300)
