@@ -59,6 +59,7 @@ UNITS = {
 SIZES = {
     "load": "it is larger where that changes sides, as where gears have play",
     "|dq": "it is larger in slow motion",
+    "dq": "it is larger in fast motion",
 }
 """What is meant where only the size of what is unexplained follows a signal that begins so."""
 

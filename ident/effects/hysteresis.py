@@ -131,11 +131,13 @@ class Backlash(Effect):
     Attributes:
         falls: whether a link that is held is pressed against one flank by its load at rest.
         flies: whether the link flies through the gap, or friction holds it.
+        everywhere: whether a knock is felt in all rows or in its own alone, as where other joints' drives yield to it.
         dry: the joint's dry friction, of which a share may brake a link that flies; nought where none does.
     """
 
     falls: bool = True
     flies: bool = False
+    everywhere: bool = False
     dry: float = 0.0
 
     name = "backlash"
@@ -146,15 +148,17 @@ class Backlash(Effect):
 
     @classmethod
     def candidates(cls, survey: Survey, joint: int | None) -> list[Effect]:
-        """Try a link that is held and, as a cause of the whole robot that one joint has, one that flies."""
+        """Try a link that is held or flies and, as a cause of the whole robot that one joint has, one that flies."""
         if joint is None:
-            return [cls(k, flies=True, dry=float(survey.holds[k])) for k in range(survey.robot.n)]
-        return [cls(joint, falls) for falls in (True, False)]
+            dry = survey.holds.tolist()
+            return [cls(k, flies=True, everywhere=True, dry=dry[k]) for k in range(survey.robot.n)]
+        held: list[Effect] = [cls(joint, falls) for falls in (True, False)]
+        return [*held, cls(joint, flies=True, dry=float(survey.holds[joint]))]
 
     @property
     def acts_on(self) -> int | None:
-        """All rows where the link flies, or the joint's own."""
-        return None if self.flies else self.joint
+        """All rows, or the joint's own."""
+        return None if self.everywhere else self.joint
 
     @property
     def shapes(self) -> tuple[Shape, ...]:
@@ -168,29 +172,45 @@ class Backlash(Effect):
         return (gap, hertz, damping, braked) if self.dry > 0.0 else (gap, hertz, damping)
 
     def coefficients(self, robot: Robot) -> tuple[Coefficient, ...]:
-        """Return the share of the load that is missing inside the gap; a link that flies carries none."""
-        return (Coefficient("share", "1", lower=0.5 if self.flies else 0.0),)
+        """Return the share of the load that is missing inside the gap.
+
+        A link that flies carries none, but knocks that are foretold too early and too late are so much smaller.
+        """
+        return (Coefficient("share", "1", lower=LEAST_KNOCK if self.flies else 0.0),)
 
     def start(self) -> FloatArray:
-        """Return place in the gap and last position, or place, speed, last pull and time; not known at first."""
-        return np.array([0.0, 0.0, 0.0, np.nan]) if self.flies else np.array([0.0, np.nan])
+        """Return place in the gap and last position, or place, speeds, last pull and time; not known at first."""
+        return np.array([0.0, 0.0, 0.0, 0.0, np.nan]) if self.flies else np.array([0.0, np.nan])
 
     def columns(self, context: Context, shape: FloatArray, memory: FloatArray) -> FloatArray:
         """Return minus the load inside the gap or, of a link that flies, minus what its acceleration is short of."""
         load, motion = context.needed("load", self.name), context.motion
         half, joint = 0.5 * float(shape[0]), self.at
         if self.flies:
-            inertia = context.inertia[:, :, joint]
-            own = inertia[:, joint]  # of fitted links, which may be none that exist
-            needed = load[:, joint]
-            if self.dry > 0.0:
-                needed = needed + float(shape[3]) * self.dry * np.tanh(motion.dq[:, joint] / SMOOTHING)
-            pull = np.where(own > 0.0, needed / np.where(own > 0.0, own, 1.0), 0.0)
-            ahead = _ahead(np.ascontiguousarray(motion.t), pull, half, float(shape[1]), float(shape[2]), memory)
-            return np.asarray(-inertia * ahead[:, None])[:, :, None]
+            short = self._flown(context, shape, memory)
+            return short[:, :, None] if self.everywhere else short[:, joint, None]
         own, q, dq = (np.ascontiguousarray(x[:, joint]) for x in (load, motion.q, motion.dq))
         return (-own * _inside(q, dq, own, half, self.falls, memory))[:, None]
 
+    def _flown(self, context: Context, shape: FloatArray, memory: FloatArray) -> FloatArray:
+        """Return what joints' forces (N, n) lack as the link flies, some of its dry friction among it."""
+        joint, inertia, motion = self.at, context.inertia[:, :, self.at], context.motion
+        own = inertia[:, joint]  # of fitted links, which may be none that exist
+        real, dry = own > 0.0, float(shape[3]) * self.dry if self.dry > 0.0 else 0.0
+        per_own = np.divide(1.0, own, out=np.zeros_like(own), where=real)
+        pull, t, dq = (
+            np.ascontiguousarray(x)
+            for x in (context.needed("load", self.name)[:, joint] * per_own, motion.t, motion.dq[:, joint])
+        )
+        gap, hertz, damping = shape[:3].tolist()
+        ahead, rubs = _ahead(t, pull, dq, dry * per_own, 0.5 * gap, hertz, damping, memory)
+        short: FloatArray = -inertia * ahead[:, None]
+        short[:, joint] += dry * np.where(real, rubs - np.tanh(dq / SMOOTHING), 0.0)
+        return short
+
+
+LEAST_KNOCK = 0.1
+"""Share of a knock that must be there: a load off by a hundredth changes sides some milliseconds too early or late."""
 
 ENGAGES = 8
 """Power of the place in the gap with which flanks engage: positions are noisy, and no tooth is all or nothing."""
@@ -229,34 +249,49 @@ STEPS = 4.0
 
 @compiled
 def _ahead(
-    t: FloatArray, pull: FloatArray, half: float, hertz: float, damping: float, memory: FloatArray
-) -> FloatArray:
-    """Acceleration of the motor ahead of a link that is left behind by ``pull``, its load over its inertia.
+    t: FloatArray,
+    pull: FloatArray,
+    dq: FloatArray,
+    brake: FloatArray,
+    half: float,
+    hertz: float,
+    damping: float,
+    memory: FloatArray,
+) -> tuple[FloatArray, FloatArray]:
+    """Acceleration (N,) of the motor ahead of a link left behind, and the direction (N,) of the link's dry friction.
 
-    Flanks are springs with dampers that push and do not pull; inside the gap the link is free. Samples without a pull
-    are passed over.
+    ``pull`` is the link's load over its inertia, ``brake`` its dry friction over that, ``dq`` the motor's speed. Flanks
+    are springs with dampers that push and do not pull; inside the gap the link is free. Friction never turns the link
+    round within a step. Samples without a pull are passed over.
     """
-    out, turn = np.zeros(len(t)), 2.0 * np.pi * hertz
-    ahead, speed, before, last = memory[0], memory[1], memory[2], memory[3]
+    out, rubs, turn = np.zeros(len(t)), np.zeros(len(t)), 2.0 * np.pi * hertz
+    ahead, speed, before, motor, last = memory[0], memory[1], memory[2], memory[3], memory[4]
     for k in range(len(t)):
         if np.isnan(pull[k]):
-            out[k] = np.nan
+            out[k] = rubs[k] = np.nan
             continue
         if np.isnan(last):
-            ahead = (half + abs(pull[k]) / turn**2) * (1.0 if pull[k] >= 0.0 else -1.0)
+            needed = pull[k] + brake[k] * np.tanh(dq[k] / SMOOTHING)
+            ahead = (half + abs(needed) / turn**2) * (1.0 if needed >= 0.0 else -1.0)
+            rubs[k] = np.tanh(dq[k] / SMOOTHING)
         else:
             steps = int(np.ceil((t[k] - last) * turn * STEPS))
             step, first = (t[k] - last) / steps, speed
             for i in range(steps):
+                part = (i + 0.5) / steps
                 wound = ahead - min(max(ahead, -half), half)
                 push = turn * (turn * wound + 2.0 * damping * speed)
                 carried = push if push * wound > 0.0 else 0.0
-                speed += (before + (pull[k] - before) * (i + 0.5) / steps - carried) * step
+                speed += (before + (pull[k] - before) * part - carried) * step
+                link = motor + (dq[k] - motor) * part - speed
+                rub = link / np.hypot(link, SMOOTHING + brake[k] * step)
+                speed += brake[k] * rub * step
+                rubs[k] += rub / steps
                 ahead += speed * step
             out[k] = (speed - first) / (t[k] - last)
-        before, last = pull[k], t[k]
-    memory[0], memory[1], memory[2], memory[3] = ahead, speed, before, last
-    return out
+        before, motor, last = pull[k], dq[k], t[k]
+    memory[0], memory[1], memory[2], memory[3], memory[4] = ahead, speed, before, motor, last
+    return out, rubs
 
 
 @compiled

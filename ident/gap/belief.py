@@ -160,15 +160,21 @@ def _feigned(panel: Panel, survey: Survey, problem: JointProblem, joint: int) ->
 def _uneven(panel: Panel, problem: JointProblem, joint: int, squares: FloatArray) -> tuple[str, float] | None:
     """What the size of the residual follows, and the share of its squares (N,) by which they are larger there.
 
-    That is slow motion, or a load about to change sides, as where gears have play; None unless it is far more there.
+    That is slow motion, a load about to change sides, as where gears have play, or fast motion, as of rough bearings;
+    None unless it is far more there.
     """
-    slow = classes_of(panel, problem, joint) < MOVING
+    pace = classes_of(panel, problem, joint)
+    slow = pace < MOVING
     load, sides = panel.seen("load")[:, joint], np.sign(panel.velocity[:, joint])
     sides[problem.keep[slow]] = 0.0  # a side of its own
     turns, jumps = panel.turns(np.sign(load), AROUND)[problem.keep], panel.turns(sides, TURNS)[problem.keep]
     everything = np.ones(len(squares), dtype=bool)
     # Where a joint's load is nought unless it moves, the load turns as the joint rests.
-    asked = ((slow, everything, SEEN, f"|dq{joint + 1}|"), (turns, ~(slow | jumps), TURNS_SEEN, f"load{joint + 1}"))
+    asked = (
+        (slow, everything, SEEN, f"|dq{joint + 1}|"),
+        (turns, ~(slow | jumps), TURNS_SEEN, f"load{joint + 1}"),
+        (pace >= FAST, everything, SEEN, f"dq{joint + 1}^2"),
+    )
     for rows, among, seen, signal in asked:
         there, elsewhere = squares[rows & among], squares[~rows & among]
         shown = min(len(there), len(elsewhere)) >= max(seen * len(squares), 1.0)

@@ -14,6 +14,7 @@ from ident.gap import Finding, Unexplained
     [
         ("load5 (its size)", "it follows load5 (its size): it is larger where that changes sides"),
         ("|dq2| (its size)", "it follows |dq2| (its size): it is larger in slow motion."),
+        ("dq2^2 (its size)", "it follows dq2^2 (its size): it is larger in fast motion."),
         ("load5", "it follows load5."),
     ],
 )

@@ -100,6 +100,7 @@ VARIANTS = (
     Elasticity(1, everywhere=True, rings=True),
     Backlash(1, flies=True),
     Backlash(1, flies=True, dry=2.0),
+    Backlash(1, flies=True, everywhere=True, dry=2.0),
     CableSpring(1, slack=True, middle=0.1, half=0.8),
     ThermalFriction(1, steady=True),
 )

@@ -209,8 +209,14 @@ def rattles(t, q, dq):
     return 0.3 * np.exp(-((dq[:, 1] / 0.03) ** 2)) * np.random.default_rng(len(t)).standard_normal(len(t))
 
 
-@pytest.mark.parametrize(("law", "depends_on"), [(hunts, "t (3.3 Hz)"), (rattles, "|dq2| (its size)")])
-def test_what_happens_while_the_joint_creeps_or_rests_is_seen_and_not_named(arm, law, depends_on):
+def rumbles(t, q, dq):
+    return 0.4 * np.abs(dq[:, 1]) * np.random.default_rng(len(t)).standard_normal(len(t))
+
+
+@pytest.mark.parametrize(
+    ("law", "depends_on"), [(hunts, "t (3.3 Hz)"), (rattles, "|dq2| (its size)"), (rumbles, "dq2^2 (its size)")]
+)
+def test_what_no_law_repeats_is_seen_where_it_happens_and_not_named(arm, law, depends_on):
     found = structure(arm, hidden=law)
     assert found.findings == ()
     (one,) = found.unexplained
