@@ -11,6 +11,7 @@ from ident.arrays import FloatArray
 from ident.compiled import compiled
 from ident.effects.base import Coefficient, Context, Effect, Shape, Survey
 from ident.effects.direction import SMOOTHING
+from ident.effects.two_masses import LINK_FRICTION, left_behind
 
 if TYPE_CHECKING:
     from ident.robot import Robot
@@ -144,6 +145,7 @@ class Backlash(Effect):
     family = "hysteresis"
     needs = ("load", "links")
     rivals = ("maxwell-slip", "elasticity")
+    contains = ("elasticity",)
     excitation = "reversals under load, and changes of the load's sign"
 
     @classmethod
@@ -168,8 +170,7 @@ class Backlash(Effect):
         gap = Shape("gap", "{angle}", 2e-5, 5e-2, tuple(np.geomspace(6e-5, 3e-2, 16).tolist()))
         hertz = Shape("hertz", "Hz", 5.0, 100.0, (14.0, 28.0), ends=(True, False))
         damping = Shape("damping", "1", 0.02, 2.0, (0.3,), ends=(False, False))
-        braked = Shape("link_friction", "1", 0.0, 1.0, (0.0, 0.25), log=False, ends=(False, False))
-        return (gap, hertz, damping, braked) if self.dry > 0.0 else (gap, hertz, damping)
+        return (gap, hertz, damping, LINK_FRICTION) if self.dry > 0.0 else (gap, hertz, damping)
 
     def coefficients(self, robot: Robot) -> tuple[Coefficient, ...]:
         """Return the share of the load that is missing inside the gap.
@@ -179,7 +180,7 @@ class Backlash(Effect):
         return (Coefficient("share", "1", lower=LEAST_KNOCK if self.flies else 0.0),)
 
     def start(self) -> FloatArray:
-        """Return place in the gap and last position, or place, speeds, last pull and time; not known at first."""
+        """Return place in the gap and last position, or what two masses remember."""
         return np.array([0.0, 0.0, 0.0, 0.0, np.nan]) if self.flies else np.array([0.0, np.nan])
 
     def columns(self, context: Context, shape: FloatArray, memory: FloatArray) -> FloatArray:
@@ -203,7 +204,8 @@ class Backlash(Effect):
             for x in (context.needed("load", self.name)[:, joint] * per_own, motion.t, motion.dq[:, joint])
         )
         gap, hertz, damping = shape[:3].tolist()
-        ahead, rubs = _ahead(t, pull, dq, dry * per_own, 0.5 * gap, hertz, damping, memory)
+        square = np.where(real, (2.0 * np.pi * hertz) ** 2, 0.0)
+        _, ahead, rubs = left_behind(t, pull, dq, dry * per_own, 0.5 * gap, square, damping, True, memory)
         short: FloatArray = -inertia * ahead[:, None]
         short[:, joint] += dry * np.where(real, rubs - np.tanh(dq / SMOOTHING), 0.0)
         return short
@@ -241,57 +243,6 @@ def _inside(
         out[k] = 1.0 - (place / half) ** ENGAGES
     memory[0], memory[1] = place, last
     return out
-
-
-STEPS = 4.0
-"""Steps in which a radian of a link's ringing on its flank is integrated."""
-
-
-@compiled
-def _ahead(
-    t: FloatArray,
-    pull: FloatArray,
-    dq: FloatArray,
-    brake: FloatArray,
-    half: float,
-    hertz: float,
-    damping: float,
-    memory: FloatArray,
-) -> tuple[FloatArray, FloatArray]:
-    """Acceleration (N,) of the motor ahead of a link left behind, and the direction (N,) of the link's dry friction.
-
-    ``pull`` is the link's load over its inertia, ``brake`` its dry friction over that, ``dq`` the motor's speed. Flanks
-    are springs with dampers that push and do not pull; inside the gap the link is free. Friction never turns the link
-    round within a step. Samples without a pull are passed over.
-    """
-    out, rubs, turn = np.zeros(len(t)), np.zeros(len(t)), 2.0 * np.pi * hertz
-    ahead, speed, before, motor, last = memory[0], memory[1], memory[2], memory[3], memory[4]
-    for k in range(len(t)):
-        if np.isnan(pull[k]):
-            out[k] = rubs[k] = np.nan
-            continue
-        if np.isnan(last):
-            needed = pull[k] + brake[k] * np.tanh(dq[k] / SMOOTHING)
-            ahead = (half + abs(needed) / turn**2) * (1.0 if needed >= 0.0 else -1.0)
-            rubs[k] = np.tanh(dq[k] / SMOOTHING)
-        else:
-            steps = int(np.ceil((t[k] - last) * turn * STEPS))
-            step, first = (t[k] - last) / steps, speed
-            for i in range(steps):
-                part = (i + 0.5) / steps
-                wound = ahead - min(max(ahead, -half), half)
-                push = turn * (turn * wound + 2.0 * damping * speed)
-                carried = push if push * wound > 0.0 else 0.0
-                speed += (before + (pull[k] - before) * part - carried) * step
-                link = motor + (dq[k] - motor) * part - speed
-                rub = link / np.hypot(link, SMOOTHING + brake[k] * step)
-                speed += brake[k] * rub * step
-                rubs[k] += rub / steps
-                ahead += speed * step
-            out[k] = (speed - first) / (t[k] - last)
-        before, motor, last = pull[k], dq[k], t[k]
-    memory[0], memory[1], memory[2], memory[3], memory[4] = ahead, speed, before, motor, last
-    return out, rubs
 
 
 @compiled
