@@ -123,7 +123,7 @@ def whole_effect(
             shown = _stands_alone(best, searches[one].closest, likelihoods, single, int(one))
             shown = shown and bool(np.all(best.held_out[one] <= before[one]))
         else:
-            shown = _rivals(likelihoods, single, affected)
+            shown = _rivals(likelihoods, single, affected, helped)
         if shown and (alone or last):
             told = [likelihoods[j] for j in helped.tolist() if _exhausts(panel, survey, problems[j], best, j)]
             shown = bool(sum(told) >= SETTLED * likelihoods[helped].sum())
@@ -189,11 +189,13 @@ def _simpler(whole: Whole, single: Trial | None) -> bool:
     return len(whole.coefficients) + len(whole.shape) < single.columns + len(single.shape)
 
 
-def _rivals(likelihoods: FloatArray, single: FloatArray, affected: BoolArray) -> bool:
-    """Whether it explains nearly what joints' best effects do, on most of the joints that lack something or in all."""
-    # A joint may have a cause of its own besides.
+def _rivals(likelihoods: FloatArray, single: FloatArray, affected: BoolArray, helped: IntArray) -> bool:
+    """Whether it explains nearly what joints' best effects do, on most joints that lack something or all that it helps.
+
+    A joint may have a cause of its own besides, and one that it does not help has.
+    """
     most = (affected & (likelihoods >= SHARE * single)).sum() >= max(2, MAJORITY * affected.sum())
-    return bool(most or likelihoods.sum() >= SHARE * single.sum())
+    return bool(most or likelihoods.sum() >= SHARE * single[helped].sum())
 
 
 def _alternatives(
