@@ -10,8 +10,7 @@ import numpy as np
 from ident.arrays import FloatArray
 from ident.compiled import compiled
 from ident.effects.base import Coefficient, Context, Effect, Shape, Survey
-from ident.effects.direction import SMOOTHING
-from ident.effects.two_masses import LINK_FRICTION, left_behind
+from ident.effects.two_masses import LINK_FRICTION, link_behind
 
 if TYPE_CHECKING:
     from ident.robot import Robot
@@ -168,7 +167,7 @@ class Backlash(Effect):
         if not self.flies:
             return (Shape("gap", "{angle}", 2e-5, 2e-2, (1e-3, 2e-4, 4e-3)),)
         gap = Shape("gap", "{angle}", 2e-5, 5e-2, tuple(np.geomspace(6e-5, 3e-2, 16).tolist()))
-        hertz = Shape("hertz", "Hz", 5.0, 100.0, (14.0, 28.0), ends=(True, False))
+        hertz = Shape("hertz", "Hz", 5.0, 100.0, (18.0,), ends=(True, False))
         damping = Shape("damping", "1", 0.02, 2.0, (0.3,), ends=(False, False))
         return (gap, hertz, damping, LINK_FRICTION) if self.dry > 0.0 else (gap, hertz, damping)
 
@@ -177,7 +176,8 @@ class Backlash(Effect):
 
         A link that flies carries none, but knocks that are foretold too early and too late are so much smaller.
         """
-        return (Coefficient("share", "1", lower=LEAST_KNOCK if self.flies else 0.0),)
+        least = 0.5 if self.everywhere else LEAST_KNOCK
+        return (Coefficient("share", "1", lower=least if self.flies else 0.0),)
 
     def start(self) -> FloatArray:
         """Return place in the gap and last position, or what two masses remember."""
@@ -185,30 +185,24 @@ class Backlash(Effect):
 
     def columns(self, context: Context, shape: FloatArray, memory: FloatArray) -> FloatArray:
         """Return minus the load inside the gap or, of a link that flies, minus what its acceleration is short of."""
-        load, motion = context.needed("load", self.name), context.motion
-        half, joint = 0.5 * float(shape[0]), self.at
         if self.flies:
-            short = self._flown(context, shape, memory)
-            return short[:, :, None] if self.everywhere else short[:, joint, None]
+            return self._flown(context, shape, memory)
+        load, motion, joint = context.needed("load", self.name), context.motion, self.at
         own, q, dq = (np.ascontiguousarray(x[:, joint]) for x in (load, motion.q, motion.dq))
-        return (-own * _inside(q, dq, own, half, self.falls, memory))[:, None]
+        return (-own * _inside(q, dq, own, 0.5 * float(shape[0]), self.falls, memory))[:, None]
 
     def _flown(self, context: Context, shape: FloatArray, memory: FloatArray) -> FloatArray:
-        """Return what joints' forces (N, n) lack as the link flies, some of its dry friction among it."""
-        joint, inertia, motion = self.at, context.inertia[:, :, self.at], context.motion
-        own = inertia[:, joint]  # of fitted links, which may be none that exist
-        real, dry = own > 0.0, float(shape[3]) * self.dry if self.dry > 0.0 else 0.0
-        per_own = np.divide(1.0, own, out=np.zeros_like(own), where=real)
-        pull, t, dq = (
-            np.ascontiguousarray(x)
-            for x in (context.needed("load", self.name)[:, joint] * per_own, motion.t, motion.dq[:, joint])
-        )
+        """Return what forces lack as the link flies."""
         gap, hertz, damping = shape[:3].tolist()
-        square = np.where(real, (2.0 * np.pi * hertz) ** 2, 0.0)
-        _, ahead, rubs = left_behind(t, pull, dq, dry * per_own, 0.5 * gap, square, damping, True, memory)
+        dry = float(shape[3]) * self.dry if self.dry > 0.0 else 0.0
+        inertia = context.inertia[:, :, self.at]
+        stiffness = (2.0 * np.pi * hertz) ** 2 * inertia[:, self.at]
+        _, ahead, rubbed = link_behind(context, self.at, stiffness, damping, dry, memory, gap, mean=True)
+        if not self.everywhere:
+            return (rubbed - inertia[:, self.at] * ahead)[:, None]
         short: FloatArray = -inertia * ahead[:, None]
-        short[:, joint] += dry * np.where(real, rubs - np.tanh(dq / SMOOTHING), 0.0)
-        return short
+        short[:, self.at] += rubbed
+        return short[:, :, None]
 
 
 LEAST_KNOCK = 0.1

@@ -12,8 +12,7 @@ import numpy as np
 from ident.arrays import FloatArray
 from ident.compiled import compiled
 from ident.effects.base import Coefficient, Context, Effect, Shape, Survey, ToldAtLargest
-from ident.effects.direction import SMOOTHING
-from ident.effects.two_masses import LINK_FRICTION, left_behind
+from ident.effects.two_masses import LINK_FRICTION, link_behind
 
 if TYPE_CHECKING:
     from ident.robot import Robot
@@ -275,7 +274,7 @@ class Elasticity(ToldAtLargest):
         """Return the wind-up at the largest force, of a spring that rings as if at rest, and what its link does."""
         if self.rings:
             wound = Shape("wound", "{angle}", 1e-4, 1.0, tuple(np.geomspace(3e-4, 0.3, 10).tolist()), ends=(True, True))
-            damping = Shape("damping", "1", 0.005, 0.7, (0.05, 0.3), ends=(False, False))
+            damping = Shape("damping", "1", 0.005, 0.7, (0.1,), ends=(False, False))
             return (wound, damping, LINK_FRICTION) if self.dry > 0.0 else (wound, damping)
         if self.everywhere:
             return ()
@@ -313,18 +312,15 @@ class Elasticity(ToldAtLargest):
 
     def _swung(self, context: Context, shape: FloatArray, memory: FloatArray) -> FloatArray:
         """Return the change of the load as the link swings on its spring."""
-        joint, load = self.at, context.needed("load", self.name)[:, self.at]
-        inertia, slope, dq = context.inertia[:, :, joint], context.slope(joint), context.motion.dq[:, joint]
-        own = inertia[:, joint]  # of fitted links, which may be none that exist
-        real, dry = own > 0.0, float(shape[2]) * self.dry if self.dry > 0.0 else 0.0
-        stiff = np.maximum(self.largest / float(shape[0]) + slope[:, joint], 0.0)
-        per_own = np.divide(1.0, own, out=np.zeros_like(own), where=real)
-        t, pull, dq = (np.ascontiguousarray(x) for x in (context.motion.t, load * per_own, dq))
-        square, damping = stiff * per_own, float(shape[1])
-        wound, onward, rubs = left_behind(t, pull, dq, dry * per_own, 0.0, square, damping, False, memory)
+        joint, inertia, slope = self.at, context.inertia[:, :, self.at], context.slope(self.at)
+        dry = float(shape[2]) * self.dry if self.dry > 0.0 else 0.0
+        stiffness = np.maximum(self.largest / float(shape[0]) + slope[:, joint], 0.0)
+        wound, onward, rubbed = link_behind(context, joint, stiffness, float(shape[1]), dry, memory)
+        if not self.everywhere:
+            return (rubbed - inertia[:, joint] * onward - slope[:, joint] * wound)[:, None]
         change: FloatArray = -(inertia * onward[:, None] + slope * wound[:, None])
-        change[:, joint] += dry * np.where(real, rubs - np.tanh(dq / SMOOTHING), 0.0)
-        return change[:, :, None] if self.everywhere else change[:, joint, None]
+        change[:, joint] += rubbed
+        return change[:, :, None]
 
     def summary(self, robot: Robot, shape: FloatArray, coefficients: FloatArray) -> dict[str, float | list[float]]:
         """Return the stiffness and, of a spring that rings, its damping ratio."""

@@ -6,17 +6,53 @@ import numpy as np
 
 from ident.arrays import FloatArray
 from ident.compiled import compiled
-from ident.effects.base import Shape
+from ident.effects.base import Context, Shape
 from ident.effects.direction import SMOOTHING
 
-STEPS = 4.0
+STEPS = 3.0
 """Steps in which a radian of the link's ringing is integrated."""
 
-FASTEST = 16.0
+FASTEST = 3.0
 """Radians a sample by which it may ring; a stiffer spring is as good as at rest."""
 
-LINK_FRICTION = Shape("link_friction", "1", 0.0, 1.0, (0.0, 0.25), log=False, ends=(False, False))
+LINK_FRICTION = Shape("link_friction", "1", 0.0, 1.0, (0.2,), log=False, ends=(False, False))
 """Share of a joint's dry friction that brakes the link and not the motor."""
+
+
+def link_behind(
+    context: Context,
+    joint: int,
+    stiffness: FloatArray,
+    damping: float,
+    dry: float,
+    memory: FloatArray,
+    gap: float = 0.0,
+    mean: bool = False,
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Follow a joint's link behind its motor, both as the model knows them.
+
+    Args:
+        context: what effects see of the rows (N).
+        joint: the joint, from 0.
+        stiffness: of what lies between motor and link (N,).
+        damping: damping ratio of the link's ringing.
+        dry: dry friction that brakes the link and not the motor.
+        memory: what two masses remember.
+        gap: play between them.
+        mean: whether accelerations and friction are means since the sample before.
+
+    Returns:
+        How far the motor is ahead, the acceleration of that, and the force by which the link's friction differs from
+        what it would be at the motor's speed, (N,) each. They are nought where fitted links have no inertia.
+    """
+    own, motion = context.inertia[:, joint, joint], context.motion
+    real, dq = own > 0.0, np.ascontiguousarray(motion.dq[:, joint])
+    per_own = np.divide(1.0, own, out=np.zeros_like(own), where=real)
+    pull, t = context.needed("load", "two masses")[:, joint] * per_own, np.ascontiguousarray(motion.t)
+    brake, square = dry * per_own, stiffness * per_own
+    ahead, onward, rubs = left_behind(t, pull, dq, brake, 0.5 * gap, square, damping, mean, memory)
+    rubbed = dry * np.where(real, rubs - np.tanh(dq / SMOOTHING), 0.0) if dry > 0.0 else np.zeros(len(t))
+    return ahead, onward, rubbed
 
 
 @compiled
@@ -75,11 +111,13 @@ def left_behind(
                 carried = push if half == 0.0 or push * wound > 0.0 else 0.0
                 started = speed
                 speed += (before + (pull[k] - before) * part - carried) * step
-                link = motor + (dq[k] - motor) * part - speed
-                rub = link / np.hypot(link, SMOOTHING + brake[k] * step)
-                speed += brake[k] * rub * step
+                if brake[k] > 0.0:
+                    link, width = motor + (dq[k] - motor) * part - speed, SMOOTHING + brake[k] * step
+                    rub = link / np.sqrt(link * link + width * width)
+                    speed += brake[k] * rub * step
+                    rubbed += rub
                 ahead += speed * step
-                rubbed, gained = rubbed + rub, (speed - started) / step
+                gained = (speed - started) / step
             onward[k] = (speed - first) / (t[k] - last) if mean else gained
             rubs[k] = rubbed / steps if mean else rub
         place[k] = ahead
