@@ -9,8 +9,8 @@ from ident.compiled import compiled
 from ident.effects.base import Context, Shape
 from ident.effects.direction import SMOOTHING
 
-STEPS = 3.0
-"""Steps in which a radian of the link's ringing is integrated."""
+STEPS, BRAKED = 3.0, 4
+"""Steps in which a radian of the link's ringing is integrated, and a sample at least where friction brakes the link."""
 
 FASTEST = 3.0
 """Radians a sample by which it may ring; a stiffer spring is as good as at rest."""
@@ -102,7 +102,7 @@ def left_behind(
             ahead = (half + abs(needed) / square[k]) * (1.0 if needed >= 0.0 else -1.0)
         else:
             turn = min(np.sqrt(square[k]), FASTEST / (t[k] - last))
-            steps = int(np.ceil((t[k] - last) * turn * STEPS))
+            steps = max(int(np.ceil((t[k] - last) * turn * STEPS)), BRAKED if brake[k] > 0.0 else 1)
             step, first, rubbed, gained, rub = (t[k] - last) / steps, speed, 0.0, 0.0, 0.0
             for i in range(steps):
                 part = (i + 0.5) / steps

@@ -14,7 +14,7 @@ from ident.effects.timing import Delay, FilterLag
 from ident.effects.transmission import Elasticity
 from ident.gap import baseline_model, find_gap
 from ident.gap.candidates import Trial
-from ident.gap.whole import Whole, _ranked, _stands_alone
+from ident.gap.whole import Whole, _ranked, _rivals, _stands_alone
 from ident.log import JointLog
 from ident.robot import load_robot
 
@@ -100,3 +100,10 @@ def test_all_of_the_current_comes_late_where_that_explains_nearly_as_much(arm):
     (late,) = find_gap(baseline_model(arm, train), train).findings
     assert (late.effect, late.joints) == ("delay", ())
     assert late.parameters["seconds"] == pytest.approx(late.parameters["span"], rel=0.1)
+
+
+@pytest.mark.parametrize(("helped", "is_rival"), [([0, 1], True), ([0, 1, 2], False)])
+def test_what_a_joint_has_that_a_cause_of_all_does_not_help_is_its_own(helped, is_rival):
+    likelihoods, singles = np.array([90.0, 9.0, 1.0]), np.array([50.0, 9.0, 400.0])
+    affected = np.array([True, False, True])
+    assert _rivals(likelihoods, singles, affected, np.array(helped)) is is_rival
