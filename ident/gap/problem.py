@@ -127,7 +127,7 @@ class JointProblem:
         values, vectors = np.linalg.eigh(self.matrix.T @ self.matrix)
         good = values > LEAST * max(values[-1], 1e-300)
         first = self.matrix @ (vectors[:, good] / np.sqrt(values[good]))
-        # Once more, for the digits that the first pass lost; a QR of all rows takes ten times as long.
+        # Once more, for the digits that the first pass lost; a QR of all rows takes nine times as long.
         lower = np.linalg.cholesky(first.T @ first)
         return np.asarray(first @ np.linalg.inv(lower).T, dtype=np.float64)
 
