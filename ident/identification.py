@@ -166,6 +166,8 @@ def _identify(
         used: Sequence[Effect] = structure.effects
     else:
         used = _named(start, survey_of(seen.model, panel_of(seen.model, train)), effects)
+        # Who names friction with memory means what it holds at rest, which nothing else tells of.
+        rests = rests.without([e.joint for e in used if e.family == "hysteresis" and e.joint is not None])
     found = fit(robot, used, train, hertz, drives, robust, lambda share: tell("fitting", share), counts=rests.counts)
     model = replace(found.model, positions_only=seen.model.positions_only)
     feasible, trouble = _feasible(robot, found, start.gains)

@@ -106,6 +106,12 @@ class Rests:
         sticks[list(joints)] = True
         return replace(self, sticks=sticks & self.may)
 
+    def without(self, joints: Sequence[int]) -> Rests:
+        """The same without those of some joints, from 0."""
+        sticks = self.sticks.copy()
+        sticks[list(joints)] = False
+        return replace(self, sticks=sticks)
+
     def counts(self, block: Block) -> BoolArray:
         """Whether each joint's row of a block (N, n) counts."""
         return ~stands(block, np.where(self.sticks, self.slow, 0.0), self.around)

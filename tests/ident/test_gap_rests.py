@@ -210,6 +210,15 @@ def test_shapes_are_searched_without_what_friction_holds(arm):
     assert one.shape[0] == pytest.approx(0.06, rel=0.15)
 
 
+def test_who_names_friction_with_memory_means_what_it_holds_at_rest(arm):
+    train = logs(arm)
+    found = identify(arm, train, effects=["viscous", "maxwell-slip"])
+    assert found.rests.joints == ()
+    without = identify(arm, train, effects=["viscous", "coulomb"])
+    assert without.rests.joints == (0, 1)
+    assert np.all(found.fit.factors.counted > 1.3 * without.fit.factors.counted)
+
+
 def test_a_sign_that_turns_slowly_is_no_friction_that_holds(arm):
     # Moves without stops: whatever the sign of velocity does not tell there belongs to how it turns.
     def slowly(q, dq, stands):
