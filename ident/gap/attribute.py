@@ -10,7 +10,7 @@ from ident.gap.candidates import Trial, kind_of, refine, with_errors
 from ident.gap.joint_gap import JointGap, Named
 from ident.gap.panel import Panel
 from ident.gap.problem import gain
-from ident.gap.search import GAIN, Beside, Search, law_error, penalised, search
+from ident.gap.search import GAIN, Beside, Search, penalised, search
 
 MOST = 4
 """Effects at most that one joint is given."""
@@ -78,7 +78,7 @@ def _swapped(panel: Panel, gap: JointGap, named: list[Named]) -> list[Named]:
 
 def _could_replace(panel: Panel, beside: Beside, old: Named, trial: Trial) -> bool:
     """Whether a rival passes in a name's place, which is no limit of it."""
-    if old.effect.name in trial.effect.contains or beside.explained(trial) <= law_error(trial.effect, beside.named):
+    if old.effect.name in trial.effect.contains or beside.explained(trial) <= beside.law_error(trial.effect):
         return False
     return beside.passes(panel, trial)
 

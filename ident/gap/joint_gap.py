@@ -59,6 +59,7 @@ class JointGap:
         sticks: whether the rests of the joint are left out.
         edge: columns (N, k), of a joint that sticks, by which its sign of velocity may turn otherwise than modelled.
         parts: number of each row's fold (N,), where the panel's folds would leave one with hardly any row that counts.
+        wholes: causes of the whole robot that it has besides, and by how much each lowered its squared residual.
     """
 
     joint: int
@@ -71,6 +72,7 @@ class JointGap:
     sticks: bool = False
     edge: FloatArray | None = None
     parts: IntArray | None = None
+    wholes: tuple[tuple[Effect, float], ...] = ()
 
     def bare(self) -> JointGap:
         """The same without nuisance."""
@@ -92,12 +94,13 @@ class JointGap:
 
     def knowing(self, panel: Panel, effect: Effect, force: FloatArray) -> JointGap:
         """The same without the force (N,) of a cause of the whole robot; of one that is rough, as much as is there."""
-        there = 1.0
+        problem, there = self.problem(panel), 1.0
         if effect.rough:
-            problem = self.problem(panel)
             column = problem.of(force[:, None])
             there = float(problem.fit(column)[-1]) if problem.drop(column) > 0.0 else 1.0
-        return replace(self, target=self.target - there * force, present=(*self.present, effect))
+        known = replace(self, target=self.target - there * force, present=(*self.present, effect))
+        explained = problem.errors().total - known.problem(panel).errors().total
+        return replace(known, wholes=(*self.wholes, (effect, explained)))
 
     def moving(self, panel: Panel, rests: BoolArray) -> JointGap:
         """The same with rests (N,) left out: hardly a row is left in which the sign turns to tell how it does."""

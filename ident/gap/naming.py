@@ -15,12 +15,13 @@ from ident.gap.belief import believed
 from ident.gap.candidates import coefficients
 from ident.gap.edge import with_less_edge
 from ident.gap.joint_gap import JointGap, Named
+from ident.gap.on_all import Whole, columns_of
 from ident.gap.panel import Panel
 from ident.gap.rests import slipless
 from ident.gap.search import Search, search
 from ident.gap.subject import Subject
 from ident.gap.threads import in_threads
-from ident.gap.whole import Whole, columns_of, whole_effect
+from ident.gap.whole import whole_effect
 
 MOST_OF_ALL = 2
 """Causes of the whole robot at most that no joint has; springs it may have as many as joints."""

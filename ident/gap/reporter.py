@@ -19,6 +19,7 @@ from ident.gap.experiment import Experiment, Joined, Question, separating, with_
 from ident.gap.joint_gap import JointGap, Named
 from ident.gap.localise import gap_map
 from ident.gap.naming import Causes
+from ident.gap.on_all import Whole, columns_of
 from ident.gap.panel import Panel
 from ident.gap.preflight import untestable
 from ident.gap.report import Finding, GapReport, Unexplained
@@ -29,7 +30,6 @@ from ident.gap.threads import in_threads
 from ident.gap.touch import Touches
 from ident.gap.unsure import mistimed, turning
 from ident.gap.velocity_lag import VelocityLag
-from ident.gap.whole import Whole, columns_of
 from ident.log import JointLog, LogSource
 from ident.model import CurrentModel
 

@@ -91,6 +91,15 @@ class Beside:
         assert trial.errors is not None
         return gain(self.before.total, trial.errors.total) > GAIN and not trial.at_bound
 
+    def law_error(self, effect: Effect) -> float:
+        """What an effect must explain so that it is not the error of the laws by which others were named.
+
+        Of causes of the whole robot those of bodies are exact; one that is the effect's rival need not be.
+        """
+        known = [*((n.effect, n.explained) for n in self.named), *self.gap.wholes]
+        rivals = [RIVAL_LAW * explained for other, explained in known if effect.rivals_with(other)]
+        return max([*(LAW * n.explained for n in self.named), *rivals], default=0.0)
+
     def passes(self, panel: Panel, trial: Trial) -> bool:
         """Whether a candidate gains enough and holds."""
         return self.gains(trial) and self.holds(panel, trial, self.columns(panel, trial))
@@ -172,12 +181,13 @@ class Search(Beside):
     Attributes:
         gate: its surrogates, which have seen all of them.
         trials: the candidates, best first.
-        starts: shapes from which causes of the whole robot that this joint has, as written, are searched for, if known.
+        starts: shapes from which causes of the whole robot that this joint has, as written, are searched for, if known,
+            and whether they have been searched for in its own row.
     """
 
     gate: Gate
     trials: tuple[Trial, ...]
-    starts: dict[str, list[FloatArray]] = field(default_factory=dict)
+    starts: dict[tuple[str, bool], list[FloatArray]] = field(default_factory=dict)
 
     @cached_property
     def closest(self) -> Trial | None:
@@ -202,7 +212,7 @@ class Search(Beside):
     def least(self, effect: Effect) -> float:
         """Squared residual that an effect must explain to be more than errors of what is known and named."""
         rest = float(np.sum(self.problem.residual**2)) - self.tolerated
-        return max(law_error(effect, self.named), self.tolerated + BEYOND * min(self.tolerated, rest))
+        return max(self.law_error(effect), self.tolerated + BEYOND * min(self.tolerated, rest))
 
     def winner(self, panel: Panel, certain: bool = True) -> Named | None:
         """The best candidate that passes the gate, if there is one; all joints of the robot share the level.
@@ -257,13 +267,6 @@ def search(panel: Panel, survey: Survey, gap: JointGap, named: Sequence[Named] =
     gate = gate_of(panel, place.problem, gap.joint)
     trials = best_trials(panel, gate, effects, gap.joint)
     return Search(gap, place.named, place.problem, place.before, gate, tuple(sorted(trials, key=penalised)))
-
-
-def law_error(effect: Effect, named: Sequence[Named]) -> float:
-    """What an effect must explain so that it is not the error of the laws by which others were named."""
-    rivals = [n for n in named if effect.rivals_with(n.effect)]
-    shares = [LAW * n.explained for n in named] + [RIVAL_LAW * n.explained for n in rivals]
-    return max(shares, default=0.0)
 
 
 def penalised(trial: Trial) -> float:

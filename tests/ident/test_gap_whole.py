@@ -14,7 +14,8 @@ from ident.effects.timing import Delay, FilterLag
 from ident.effects.transmission import Elasticity
 from ident.gap import baseline_model, find_gap
 from ident.gap.candidates import Trial
-from ident.gap.whole import Whole, _ranked, _rivals, _stands_alone
+from ident.gap.on_all import Whole
+from ident.gap.whole import _ranked, _rivals, _stands_alone
 from ident.log import JointLog
 from ident.robot import load_robot
 

@@ -1,0 +1,195 @@
+"""An effect of the whole robot on all joints' rows: the coefficients that they share, and the shapes that suit all."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from ident.arrays import FloatArray
+from ident.effects.base import Effect
+from ident.gap.candidates import Trial, at_bound, grid, refine
+from ident.gap.climb import climb
+from ident.gap.panel import Panel
+from ident.gap.problem import JointProblem
+from ident.gap.search import RIVAL_LAW, Search
+
+TINY = 1e-300
+"""In place of a nought that is divided by, such as the squared residual of a joint without rows that count."""
+
+SHOWS = 0.02
+"""Share of its own joint's squared residual that what one joint has must explain to be searched for in all rows."""
+
+STARTS = 4
+"""Best starts from which what one joint has is searched for in its own row."""
+
+VISIBLE = 1e-6
+"""Share of an effect's square that the baseline must leave."""
+
+
+@dataclass(frozen=True, eq=False)
+class Whole:
+    """One effect of the whole robot.
+
+    Attributes:
+        effect: the candidate.
+        shape: its shape parameters.
+        coefficients: its linear parameters.
+        held_out: squared residuals (n, folds) with it.
+        likelihood: gain in log-likelihood on held-out rows, all joints together.
+        standing: the same with the only coefficients that its law means, at the shape that suits those best, less what
+            laws err by if that is where its law is another: a quick filter is a delay.
+        p_value: chance of so good a candidate where there is nothing.
+        alternatives: names that explain nearly as much, with their fitted shapes.
+        joint: where it shows most.
+        law: the same at the shape that suits the only coefficients that its law means, if that explains nearly as much.
+            Any coefficient may make up for any shape: twice the current, through a filter twice as quick.
+    """
+
+    effect: Effect
+    shape: FloatArray
+    coefficients: FloatArray
+    held_out: FloatArray
+    likelihood: float
+    standing: float
+    p_value: float = 1.0
+    alternatives: Mapping[str, Trial] = field(default_factory=dict)
+    joint: int = 0
+    law: Whole | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class OnAll:
+    """An effect of the whole robot, tried on all joints' rows.
+
+    Attributes:
+        panel: the rows.
+        searches: every joint's search.
+        effect: the effect.
+        before: held-out squares (n, folds) without it.
+    """
+
+    panel: Panel
+    searches: Sequence[Search]
+    effect: Effect
+    before: FloatArray
+
+    def at(self, shape: FloatArray, lawful: bool = False) -> Whole | None:
+        """The effect at a shape, with any coefficients or those that its law means; None where it shows not."""
+        effect, problems = self.effect, [search.problem for search in self.searches]
+        lower = np.array([c.lower for c in effect.coefficients(self.panel.robot)])
+        every = self.panel.all_columns(effect, shape)
+        columns = [p.of(every[:, j]) for j, p in enumerate(problems)]
+        # A lead is no delay over a span that it does not fill.
+        meant = effect.plain(shape)
+        found = _shared(problems, columns, self.before, meant if lawful else None)
+        if found is None or np.any(found[0] < lower) or (meant is not None and np.any(found[0] * meant < 0.0)):
+            return None
+        likelihood = float(likelihoods(problems, self.before.sum(axis=1), found[1].sum(axis=1)).sum())
+        return Whole(effect, shape, *found, likelihood, likelihood)
+
+    def begun(self) -> Whole | None:
+        """The effect at the best of its starts."""
+        return self._best(self._starts(refined=False), lawful=False)
+
+    def searched(self) -> Whole | None:
+        """The effect at the shape that suits all rows best."""
+        effect, starts = self.effect, self._starts(refined=True)
+        best = self._climbed(starts, lawful=False)
+        if best is None or best.likelihood <= 0.0 or (effect.joint is not None and at_bound(effect, best.shape)):
+            return None
+        any_is_its = all(effect.plain(shape) is None for shape in starts)
+        law = best if any_is_its else self._climbed([*starts, best.shape], lawful=True)
+        assert law is not None
+        limit = at_bound(effect, law.shape)
+        near = law is not best and not limit and law.likelihood >= (1.0 - RIVAL_LAW) * best.likelihood
+        standing = law.likelihood * (1.0 - RIVAL_LAW if limit else 1.0)
+        return replace(best, standing=standing, law=self.at(law.shape) if near else None)
+
+    def _best(self, starts: Sequence[FloatArray], lawful: bool) -> Whole | None:
+        tried = [one for one in (self.at(shape, lawful) for shape in starts) if one is not None]
+        return max(tried, key=lambda one: one.likelihood, default=None)
+
+    def _climbed(self, starts: Sequence[FloatArray], lawful: bool) -> Whole | None:
+        best = self._best(starts, lawful)
+        if best is None or not self.effect.shapes or (best.likelihood <= 0.0 and not lawful):
+            return best
+
+        def likelihood(shape: FloatArray) -> float:
+            one = self.at(shape, lawful)
+            return -np.inf if one is None else one.likelihood
+
+        return self.at(climb(likelihood, self.effect.shapes, best.shape, best.likelihood)[0], lawful)
+
+    def _starts(self, refined: bool) -> list[FloatArray]:
+        """Shapes from which it is searched for in all rows; what one joint has shows in its own row first."""
+        effect = self.effect
+        if effect.joint is None or not effect.shapes:
+            return list(grid(effect.shapes))
+        own, key = self.searches[effect.joint], (repr(effect), refined)  # an effect of the user's may not be hashable
+        if key not in own.starts:
+            shown = _shown(self.panel, own.problem, effect, effect.joint)
+            if refined:
+                shown = [refine(self.panel, own.problem, one, effect.joint) for one in shown]
+            own.starts[key] = [one.shape for one in shown]
+        return own.starts[key]
+
+
+def columns_of(panel: Panel, whole: Whole, joint: int) -> FloatArray:
+    """What the effect adds to a joint's rows, (N,)."""
+    added: FloatArray = panel.columns(whole.effect, whole.shape, joint) @ whole.coefficients
+    return added
+
+
+def _shown(panel: Panel, problem: JointProblem, effect: Effect, joint: int) -> list[Trial]:
+    """Starts of an effect that explain most of a joint's row, each column alone; none where none shows."""
+    shapes = list(grid(effect.shapes))
+    columns = np.hstack([problem.of(columns) for columns in panel.sweep(effect, shapes, joint)])
+    each, found = (x.reshape(len(shapes), -1) for x in problem.drops(columns))
+    positive = np.array([c.lower >= 0.0 for c in effect.coefficients(panel.robot)])
+    drops = np.where(positive & (found < 0.0), 0.0, each).max(axis=1)
+    best = np.argsort(-drops)[:STARTS]
+    if drops[best[0]] < SHOWS * float(np.sum(problem.residual**2)):
+        return []
+    return [Trial(effect, shapes[k], float(drops[k])) for k in best]
+
+
+def likelihoods(problems: Sequence[JointProblem], before: FloatArray, after: FloatArray) -> FloatArray:
+    """Gain in log-likelihood (n,) of each joint when its squared residual falls."""
+    lengths = np.array([len(p) for p in problems])
+    return np.asarray(0.5 * lengths * np.log(np.maximum(before, TINY) / np.maximum(after, TINY)))
+
+
+def _shared(
+    problems: Sequence[JointProblem], columns: Sequence[FloatArray], before: FloatArray, known: FloatArray | None
+) -> tuple[FloatArray, FloatArray] | None:
+    """Coefficients that all joints share, weighted by the joints' residuals, and held-out squares (n, folds)."""
+    weights = np.array([len(p) for p in problems]) / np.maximum(before.sum(axis=1), TINY)
+    whole = np.asarray(sum(np.sum(c**2, axis=0) for c in columns))
+    seen = np.flatnonzero(whole > 1e-20 * max(whole.max(), TINY))
+    if len(seen) == 0:
+        return None
+    size = np.sqrt(whole[seen])
+    sums = [p.sums(c[:, seen] / size) for p, c in zip(problems, columns, strict=True)]
+    reduced = [s.reduced(None) for s in sums]
+    unique = sum(w * np.diag(normal) for w, (normal, _) in zip(weights, reduced, strict=True))
+    inside = sum(w * np.diag(s.inside.sum(axis=0)) for w, s in zip(weights, sums, strict=True))
+    # What the motion does not show stays nought; an effect of which it shows nothing is no candidate.
+    if np.max(np.asarray(unique) / np.maximum(inside, TINY)) < VISIBLE:
+        return None
+    coefficients = np.zeros(len(whole))
+    coefficients[seen] = _solve(reduced, weights) / size if known is None else known[seen]
+    folds = len(problems[0].folds)
+    held_out = np.empty((len(problems), folds))
+    for k in range(folds):
+        shared = _solve([s.reduced(k) for s in sums], weights) if known is None else known[seen] * size
+        held_out[:, k] = [s.held_out(k, shared) for s in sums]
+    return coefficients, held_out
+
+
+def _solve(parts: Sequence[tuple[FloatArray, FloatArray]], weights: FloatArray) -> FloatArray:
+    normal = sum(w * a for w, (a, _) in zip(weights, parts, strict=True))
+    right = sum(w * b for w, (_, b) in zip(weights, parts, strict=True))
+    found: FloatArray = np.linalg.lstsq(np.asarray(normal), np.asarray(right), rcond=1e-9)[0]
+    return found
