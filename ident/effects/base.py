@@ -183,7 +183,6 @@ class Effect(ABC):
         joint: joint it belongs to, from 0; None is the whole robot, with one set of coefficients.
         replaces: names of effects that it contains as a limit, and that leave a joint's model when it comes in.
         contains: names of effects that it has as a limit; where they are missing, they are named before it.
-        needs: what of a fitted model its columns depend on: ``load``, ``links``, ``total``.
         besides: how many of its columns, the last ones, come with its law and alone are not it.
         rivals: names of effects that it is easily taken for.
         softens: whether it takes from fast changes of the model's force, and so from noise of the accelerations in it.
@@ -197,7 +196,6 @@ class Effect(ABC):
     family: ClassVar[str] = ""
     replaces: ClassVar[tuple[str, ...]] = ()
     contains: ClassVar[tuple[str, ...]] = ()
-    needs: ClassVar[tuple[str, ...]] = ()
     besides: ClassVar[int] = 0
     rivals: ClassVar[tuple[str, ...]] = ()
     softens: ClassVar[bool] = False
@@ -209,6 +207,11 @@ class Effect(ABC):
         # A name that is but inherited is that of the class above.
         if cls.__dict__.get("name"):
             Effect.catalogue[cls.name] = cls
+
+    @property
+    def needs(self) -> tuple[str, ...]:
+        """What of a fitted model its columns depend on: ``load``, ``links``, ``total``; a class may set it."""
+        return ()
 
     @property
     def measured_on(self) -> int | None:
@@ -234,6 +237,14 @@ class Effect(ABC):
     def rivals_with(self, other: Effect) -> bool:
         """Return whether either is easily taken for the other."""
         return other.name in self.rivals or self.name in other.rivals
+
+    def fuller(self, survey: Survey) -> list[Effect]:
+        """Return forms of the law with more in it, tried from its best shape where it is among the likeliest.
+
+        Args:
+            survey: facts about the logs.
+        """
+        return []
 
     @property
     def shapes(self) -> tuple[Shape, ...]:

@@ -147,3 +147,7 @@ class Cogging(GearRipple):
         most = max(gears * POLE_HARMONICS / GEAR_HARMONICS, DIRECT_DRIVE)
         step = ripples_apart(survey, joint)
         return [cls(joint, most=most, fewest=fewest, step=step)] if most > fewest + 1.0 else []
+
+    def fuller(self, survey: Survey) -> list[Effect]:
+        """Return none: magnets pull at slots whatever the load."""
+        return []

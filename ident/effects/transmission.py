@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
@@ -117,16 +117,21 @@ class CrossJointFriction(Effect):
 class GearRipple(Effect):
     """Force that repeats with the joint's angle: tooth meshing, run-out, the wave generator of a strain-wave gear.
 
+    A gear's kinematic error may grow with the load that it carries: so does the ripple's amplitude then, linearly.
+
     Attributes:
         most, fewest: repeats a turn between which the search looks.
         harmonics: of the ripple, one or two.
         step: repeats a turn from one start of the search to the next.
+        largest: largest force that the model gives on the logs, at which a ripple that grows with the load is told; one
+            of one size has none.
     """
 
     most: float = 40.0
     fewest: float = 0.5
     harmonics: int = 1
     step: float = 1.0
+    largest: float = 0.0
 
     name = "gear-ripple"
     family = "transmission"
@@ -143,6 +148,16 @@ class GearRipple(Effect):
         step = ripples_apart(survey, joint)
         return [cls(joint, limit, fewest, harmonics, step) for limit, harmonics in tried if limit > fewest + 1.0]
 
+    def fuller(self, survey: Survey) -> list[Effect]:
+        """Return the ripple that grows with the load."""
+        largest = float(survey.largest[self.at])
+        return [] if self.largest > 0.0 or largest == 0.0 else [replace(self, largest=largest)]
+
+    @property
+    def needs(self) -> tuple[str, ...]:
+        """The load, where the ripple grows with it."""
+        return ("load",) if self.largest > 0.0 else ()
+
     @property
     def shapes(self) -> tuple[Shape, ...]:
         """Return the repeats a turn of the joint."""
@@ -150,20 +165,27 @@ class GearRipple(Effect):
         return (Shape("per_turn", "1", self.fewest, self.most, starts, log=False),)
 
     def coefficients(self, robot: Robot) -> tuple[Coefficient, ...]:
-        """Return the amplitudes in and out of phase with the joint's zero, and those of the second harmonic."""
-        names = ("force_sin", "force_cos", "force_sin2", "force_cos2")
-        return tuple(Coefficient(name, "{current}") for name in names[: 2 * self.harmonics])
+        """Return amplitudes in and out of phase with the joint's zero, of each harmonic; then by how much they grow."""
+        names = ("force_sin", "force_cos", "force_sin2", "force_cos2")[: 2 * self.harmonics]
+        grown = tuple(f"{name}_grown" for name in names) if self.largest > 0.0 else ()
+        return tuple(Coefficient(name, "{current}") for name in names + grown)
 
     def summary(self, robot: Robot, shape: FloatArray, coefficients: FloatArray) -> dict[str, float | list[float]]:
-        """Return the amplitude, its repeats a turn, its phase at the joint's zero, and the second harmonic's."""
-        force, phase = float(np.hypot(*coefficients[:2])), float(np.arctan2(coefficients[1], coefficients[0]))
-        second = {"second_harmonic": float(np.hypot(*coefficients[2:]))} if self.harmonics > 1 else {}
-        return {"force": force, "per_turn": float(shape[0]), "phase": phase, **second}
+        """Return the amplitude, its repeats a turn, its phase at the joint's zero, and the second harmonic's.
+
+        One that grows with the load is told at the largest force, and without load (``unloaded``).
+        """
+        without = coefficients[: 2 * self.harmonics]
+        at_most = without + coefficients[len(without) :] if self.largest > 0.0 else without
+        force, phase = float(np.hypot(*at_most[:2])), float(np.arctan2(at_most[1], at_most[0]))
+        second = {"second_harmonic": float(np.hypot(*at_most[2:]))} if self.harmonics > 1 else {}
+        unloaded = {"unloaded": float(np.hypot(*without[:2]))} if self.largest > 0.0 else {}
+        return {"force": force, "per_turn": float(shape[0]), "phase": phase, **second, **unloaded}
 
     def columns(self, context: Context, shape: FloatArray, memory: FloatArray) -> FloatArray:
-        """Return sine and cosine of once (and twice) per_turn times the angle."""
+        """Return sine and cosine of once (and twice) per_turn times the angle; the same times the load's size."""
         phases = [k * shape[0] * context.motion.q[:, self.at] for k in range(1, self.harmonics + 1)]
-        return np.stack([wave(phase) for phase in phases for wave in (np.sin, np.cos)], axis=1)
+        return self._grown(context, np.stack([wave(phase) for phase in phases for wave in (np.sin, np.cos)], axis=1))
 
     def sweep(self, context: Context, shapes: FloatArray) -> Iterator[FloatArray]:
         """Yield sine and cosine at each of several repeats a turn; evenly spaced ones by turning one phasor on."""
@@ -174,7 +196,9 @@ class GearRipple(Effect):
         wave, onward = (np.exp(1j * turns * angle) for turns in (per_turn[0], per_turn[1] - per_turn[0]))
         for _ in per_turn:
             powers = itertools.accumulate([wave] * self.harmonics, np.multiply)
-            yield np.stack([part for power in powers for part in (power.imag, power.real)], axis=1)
+            yield self._grown(
+                context, np.stack([part for power in powers for part in (power.imag, power.real)], axis=1)
+            )
             wave = wave * onward
 
     def gradient(self, context: Context, shape: FloatArray) -> FloatArray:
@@ -182,7 +206,14 @@ class GearRipple(Effect):
         angle = context.motion.q[:, self.at]
         turned = [(k * angle, k * shape[0] * angle) for k in range(1, self.harmonics + 1)]
         slopes = [slope for by, phase in turned for slope in (by * np.cos(phase), -by * np.sin(phase))]
-        return np.stack(slopes, axis=1)[None]
+        return self._grown(context, np.stack(slopes, axis=1))[None]
+
+    def _grown(self, context: Context, waves: FloatArray) -> FloatArray:
+        """Waves (N, k) and, where they grow with the load, the same times its size, (N, 2 k)."""
+        if self.largest == 0.0:
+            return waves
+        size = np.abs(context.needed("load", self.name)[:, self.at]) / self.largest
+        return np.hstack([waves, waves * size[:, None]])
 
 
 def fewest_repeats(survey: Survey, joint: int) -> float:

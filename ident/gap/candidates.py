@@ -199,7 +199,7 @@ def with_errors(panel: Panel, problem: JointProblem, trial: Trial, joint: int) -
     return replace(trial, errors=problem.errors(columns), columns=columns.shape[1])
 
 
-def best_trials(panel: Panel, gate: Gate, effects: Sequence[Effect], joint: int) -> list[Trial]:
+def best_trials(panel: Panel, survey: Survey, gate: Gate, effects: Sequence[Effect], joint: int) -> list[Trial]:
     """Try effects on a joint; those that explain most are searched further and judged on held-out rows, best first."""
     problem = gate.problem
     screened = sorted((screen(panel, gate, e, joint) for e in effects), key=lambda t: -t.drop)
@@ -209,7 +209,16 @@ def best_trials(panel: Panel, gate: Gate, effects: Sequence[Effect], joint: int)
         refine(panel, problem, trial, joint) if trial.effect.shapes and law in further else trial
         for law, trial in zip(laws, screened, strict=True)
     ]
+    likely = [trial for law, trial in zip(laws, found, strict=True) if law in further]
+    found += [_fuller(panel, gate, e, trial, joint) for trial in likely for e in trial.effect.fuller(survey)]
     return sorted((with_errors(panel, problem, trial, joint) for trial in found), key=_held_out)
+
+
+def _fuller(panel: Panel, gate: Gate, effect: Effect, plain: Trial, joint: int) -> Trial:
+    """A fuller form of a law at the shape that suits it best near that of the plain one."""
+    columns = admissible(panel, gate.problem, effect, plain.shape, joint)
+    drops, statistics = gate.look([columns])
+    return refine(panel, gate.problem, Trial(effect, plain.shape, float(drops[0]), float(statistics[0])), joint)
 
 
 def _held_out(trial: Trial) -> float:

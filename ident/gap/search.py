@@ -265,7 +265,7 @@ def search(panel: Panel, survey: Survey, gap: JointGap, named: Sequence[Named] =
         effects = [effect for effect in effects if effect.name not in AT_REST]
     place = Beside.of(panel, gap, named)
     gate = gate_of(panel, place.problem, gap.joint)
-    trials = best_trials(panel, gate, effects, gap.joint)
+    trials = best_trials(panel, survey, gate, effects, gap.joint)
     return Search(gap, place.named, place.problem, place.before, gate, tuple(sorted(trials, key=penalised)))
 
 

@@ -453,6 +453,20 @@ def test_a_ripples_second_harmonic_is_part_of_it(arm):
     assert one.parameters["second_harmonic"] == pytest.approx(0.07, rel=0.15)
 
 
+def test_a_gears_ripple_grows_with_its_load(arm):
+    def ripple(t, q, dq):
+        still, links = np.zeros_like(q), np.tile(arm.multibody.parameters, (2, 1))
+        load = np.abs(arm.rigid_body.inverse_dynamics(q, still, still, links)[:, 1])
+        return 0.4 * load / load.max() * np.sin(7 * q[:, 1] + 0.3)
+
+    found = structure(arm, hidden=ripple)
+    (one,) = found.findings
+    assert one.effect in ("gear-ripple", "cogging")
+    assert one.parameters["per_turn"] == pytest.approx(7.0, abs=0.1)
+    assert one.parameters["force"] > 1.5 * one.parameters["unloaded"]
+    assert found.unexplained == ()
+
+
 def test_a_force_that_grows_with_another_joints_speed_is_no_dry_friction(arm):
     found = structure(arm, hidden=lambda t, q, dq: 0.9 * dq[:, 0])
     assert found.findings == ()
