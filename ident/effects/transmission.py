@@ -12,7 +12,6 @@ import numpy as np
 from ident.arrays import FloatArray
 from ident.compiled import compiled
 from ident.effects.base import Coefficient, Context, Effect, Shape, Survey, ToldAtLargest
-from ident.effects.two_masses import LINK_FRICTION, link_behind
 
 if TYPE_CHECKING:
     from ident.robot import Robot
@@ -262,21 +261,18 @@ class Elasticity(ToldAtLargest):
 
     A soft spring rings as the link swings on it: its wind-up e is no longer the load over the stiffness, and follows
     ``M e'' + D e' + (K + S) e = load`` (M the joint's own inertia, S by how much its load grows with its angle); what
-    all rows lack is the force of ``e''`` and ``e``, to first order. Part of the joint's dry friction may brake the link
-    and not the motor: each time the link turns round its spring winds the other way, and rings.
+    all rows lack is the force of ``e''`` and ``e``, to first order.
 
     Attributes:
         everywhere: whether it acts on all rows or on its own alone; without ringing, that has a fixed ``wound``.
         slow: whether the link only stands elsewhere, its speed and acceleration taken for the motor's: the load's
             derivatives are the positions' third and fourth, which in slow motion are noise.
         rings: whether the link swings on the spring, or follows the load at once.
-        dry: the joint's dry friction, of which a share may brake a link that swings; nought where none does.
     """
 
     everywhere: bool = False
     slow: bool = False
     rings: bool = False
-    dry: float = 0.0
 
     name = "elasticity"
     family = "transmission"
@@ -289,11 +285,9 @@ class Elasticity(ToldAtLargest):
     def candidates(cls, survey: Survey, joint: int | None) -> list[Effect]:
         """Try it on a joint's own row, and on all rows as a cause of the whole robot that one joint has."""
         if joint is None:
-            each = [(k, x, True) for k, x in enumerate(survey.largest.tolist())]
-        else:
-            each = [(joint, float(survey.largest[joint]), False)]
-        still = [cls(*one, slow) for one in each for slow in ((False, True) if joint is None else (False,))]
-        return [*still, *(cls(*one, rings=True, dry=float(survey.holds[one[0]])) for one in each)]
+            forms = ((False, False), (True, False), (False, True))
+            return [cls(k, float(x), True, *form) for k, x in enumerate(survey.largest) for form in forms]
+        return [cls(joint, float(survey.largest[joint]), rings=rings) for rings in (False, True)]
 
     @property
     def acts_on(self) -> int | None:
@@ -302,11 +296,10 @@ class Elasticity(ToldAtLargest):
 
     @property
     def shapes(self) -> tuple[Shape, ...]:
-        """Return the wind-up at the largest force, of a spring that rings as if at rest, and what its link does."""
+        """Return the wind-up at the largest force, of a spring that rings as if at rest, and its damping ratio."""
         if self.rings:
             wound = Shape("wound", "{angle}", 1e-4, 1.0, tuple(np.geomspace(3e-4, 0.3, 10).tolist()), ends=(True, True))
-            damping = Shape("damping", "1", 0.005, 0.7, (0.1,), ends=(False, False))
-            return (wound, damping, LINK_FRICTION) if self.dry > 0.0 else (wound, damping)
+            return (wound, Shape("damping", "1", 0.005, 0.7, (0.05, 0.3), ends=(False, False)))
         if self.everywhere:
             return ()
         return (Shape("wound", "{angle}", 1e-4, 1.0, (1e-3, 1e-2, 0.1), ends=(False, True)),)
@@ -316,9 +309,9 @@ class Elasticity(ToldAtLargest):
         return (Coefficient("share", "1", lower=0.3) if self.rings else Coefficient("wind_up", "{angle}", lower=0.0),)
 
     def start(self) -> FloatArray:
-        """Return times and loads of the last samples, newest first, or what two masses remember."""
+        """Return times and loads of the last samples, newest first, or wind-up, its speed, last pull and time."""
         if self.rings:
-            return np.array([0.0, 0.0, 0.0, 0.0, np.nan])
+            return np.array([0.0, 0.0, 0.0, np.nan])
         return np.zeros(0) if self.slow else np.full(2 * REMEMBERED, np.nan)
 
     def columns(self, context: Context, shape: FloatArray, memory: FloatArray) -> FloatArray:
@@ -343,21 +336,60 @@ class Elasticity(ToldAtLargest):
 
     def _swung(self, context: Context, shape: FloatArray, memory: FloatArray) -> FloatArray:
         """Return the change of the load as the link swings on its spring."""
-        joint, inertia, slope = self.at, context.inertia[:, :, self.at], context.slope(self.at)
-        dry = float(shape[2]) * self.dry if self.dry > 0.0 else 0.0
-        stiffness = np.maximum(self.largest / float(shape[0]) + slope[:, joint], 0.0)
-        wound, onward, rubbed = link_behind(context, joint, stiffness, float(shape[1]), dry, memory)
-        if not self.everywhere:
-            return (rubbed - inertia[:, joint] * onward - slope[:, joint] * wound)[:, None]
+        joint, load = self.at, context.needed("load", self.name)[:, self.at]
+        inertia, slope = context.inertia[:, :, joint], context.slope(joint)
+        own = inertia[:, joint]  # of fitted links, which may be none that exist
+        real = own > 0.0
+        stiff = np.maximum(self.largest / float(shape[0]) + slope[:, joint], 0.0)
+        pull, square = (np.where(real, x / np.where(real, own, 1.0), 0.0) for x in (load, stiff))
+        wound, onward = _swings(np.ascontiguousarray(context.motion.t), pull, square, float(shape[1]), memory)
         change: FloatArray = -(inertia * onward[:, None] + slope * wound[:, None])
-        change[:, joint] += rubbed
-        return change[:, :, None]
+        return change[:, :, None] if self.everywhere else change[:, joint, None]
 
     def summary(self, robot: Robot, shape: FloatArray, coefficients: FloatArray) -> dict[str, float | list[float]]:
         """Return the stiffness and, of a spring that rings, its damping ratio."""
         if self.rings:
             return {"stiffness": float(self.largest / shape[0] * coefficients[0]), "damping": float(shape[1])}
         return {"stiffness": float(self.largest / coefficients[0]) if coefficients[0] else float("inf")}
+
+
+FASTEST = 2.0
+"""Radians a sample by which a spring may ring; a stiffer one is as good as at rest."""
+
+
+@compiled
+def _swings(
+    t: FloatArray, pull: FloatArray, square: FloatArray, damping: float, memory: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Wind-up (N,) of an oscillator, its angular frequency squared ``square`` (N,), and the acceleration of that.
+
+    Exact for a pull that is linear between samples; those without one are passed over.
+    """
+    out, onward = np.zeros(len(t)), np.zeros(len(t))
+    wound, speed, before, last = memory[0], memory[1], memory[2], memory[3]
+    for k in range(len(t)):
+        if np.isnan(pull[k]) or np.isnan(square[k]):
+            out[k] = onward[k] = np.nan
+            continue
+        if square[k] <= 0.0:
+            wound, speed = 0.0, 0.0
+        elif np.isnan(last):
+            wound, speed = pull[k] / square[k], 0.0
+        else:
+            step = t[k] - last
+            turn = min(np.sqrt(square[k]), FASTEST / step)
+            slope, rest = (pull[k] - before) / step / turn**2, before / turn**2
+            late = 2.0 * damping / turn * slope
+            off, speed = wound - rest + late, speed - slope
+            swing, fade = turn * np.sqrt(1.0 - damping**2), np.exp(-damping * turn * step)
+            sine, cosine = np.sin(swing * step), np.cos(swing * step)
+            wound = rest + slope * step - late + fade * (off * cosine + (speed + damping * turn * off) / swing * sine)
+            speed = slope + fade * (speed * cosine - (damping * turn * speed + turn**2 * off) / swing * sine)
+            onward[k] = pull[k] - 2.0 * damping * turn * speed - turn**2 * wound
+        out[k] = wound
+        before, last = pull[k], t[k]
+    memory[0], memory[1], memory[2], memory[3] = wound, speed, before, last
+    return out, onward
 
 
 @compiled
