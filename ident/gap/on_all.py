@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 
 import numpy as np
 
@@ -89,30 +90,31 @@ class OnAll:
         likelihood = float(likelihoods(problems, self.before.sum(axis=1), found[1].sum(axis=1)).sum())
         return Whole(effect, shape, *found, likelihood, likelihood)
 
+    @cached_property
     def begun(self) -> Whole | None:
-        """The effect at the best of its starts."""
-        return self._best(self._starts(refined=False), lawful=False)
+        """The effect at the best of its starts; what one joint has shows in its own row first."""
+        return self._best([one.shape for one in self._shown()] if self._is_ones else list(grid(self.effect.shapes)))
 
     def searched(self) -> Whole | None:
         """The effect at the shape that suits all rows best."""
-        effect, starts = self.effect, self._starts(refined=True)
-        best = self._climbed(starts, lawful=False)
+        effect = self.effect
+        starts = self._refined() if self._is_ones else list(grid(effect.shapes))
+        best = self._climbed(self._best(starts) if self._is_ones else self.begun)
         if best is None or best.likelihood <= 0.0 or (effect.joint is not None and at_bound(effect, best.shape)):
             return None
         any_is_its = all(effect.plain(shape) is None for shape in starts)
-        law = best if any_is_its else self._climbed([*starts, best.shape], lawful=True)
+        law = best if any_is_its else self._climbed(self._best([*starts, best.shape], lawful=True), lawful=True)
         assert law is not None
         limit = at_bound(effect, law.shape)
         near = law is not best and not limit and law.likelihood >= (1.0 - RIVAL_LAW) * best.likelihood
         standing = law.likelihood * (1.0 - RIVAL_LAW if limit else 1.0)
         return replace(best, standing=standing, law=self.at(law.shape) if near else None)
 
-    def _best(self, starts: Sequence[FloatArray], lawful: bool) -> Whole | None:
+    def _best(self, starts: Sequence[FloatArray], lawful: bool = False) -> Whole | None:
         tried = [one for one in (self.at(shape, lawful) for shape in starts) if one is not None]
         return max(tried, key=lambda one: one.likelihood, default=None)
 
-    def _climbed(self, starts: Sequence[FloatArray], lawful: bool) -> Whole | None:
-        best = self._best(starts, lawful)
+    def _climbed(self, best: Whole | None, lawful: bool = False) -> Whole | None:
         if best is None or not self.effect.shapes or (best.likelihood <= 0.0 and not lawful):
             return best
 
@@ -122,18 +124,26 @@ class OnAll:
 
         return self.at(climb(likelihood, self.effect.shapes, best.shape, best.likelihood)[0], lawful)
 
-    def _starts(self, refined: bool) -> list[FloatArray]:
-        """Shapes from which it is searched for in all rows; what one joint has shows in its own row first."""
-        effect = self.effect
-        if effect.joint is None or not effect.shapes:
-            return list(grid(effect.shapes))
-        own, key = self.searches[effect.joint], (repr(effect), refined)  # an effect of the user's may not be hashable
-        if key not in own.starts:
-            shown = _shown(self.panel, own.problem, effect, effect.joint)
-            if refined:
-                shown = [refine(self.panel, own.problem, one, effect.joint) for one in shown]
-            own.starts[key] = [one.shape for one in shown]
-        return own.starts[key]
+    @property
+    def _is_ones(self) -> bool:
+        """Whether it is of one joint, and has shapes to be searched for in that one's row."""
+        return self.effect.joint is not None and bool(self.effect.shapes)
+
+    def _shown(self) -> list[Trial]:
+        """Starts that its own joint's row shows best."""
+        own = self.searches[self.effect.at]
+        written = repr(self.effect)  # an effect of the user's may not be hashable
+        if written not in own.shown:
+            own.shown[written] = _shown(self.panel, own.problem, self.effect, self.effect.at)
+        return own.shown[written]
+
+    def _refined(self) -> list[FloatArray]:
+        """Shapes to which these lead in that row."""
+        own, written = self.searches[self.effect.at], repr(self.effect)
+        if written not in own.refined:
+            found = (refine(self.panel, own.problem, one, self.effect.at) for one in self._shown())
+            own.refined[written] = [one.shape for one in found]
+        return own.refined[written]
 
 
 def columns_of(panel: Panel, whole: Whole, joint: int) -> FloatArray:

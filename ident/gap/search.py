@@ -181,13 +181,14 @@ class Search(Beside):
     Attributes:
         gate: its surrogates, which have seen all of them.
         trials: the candidates, best first.
-        starts: shapes from which causes of the whole robot that this joint has, as written, are searched for, if known,
-            and whether they have been searched for in its own row.
+        shown: best starts, in its own row, of causes of the whole robot that this joint has, as written, if known.
+        refined: shapes to which they lead there, from which those are searched for in all rows.
     """
 
     gate: Gate
     trials: tuple[Trial, ...]
-    starts: dict[tuple[str, bool], list[FloatArray]] = field(default_factory=dict)
+    shown: dict[str, list[Trial]] = field(default_factory=dict)
+    refined: dict[str, list[FloatArray]] = field(default_factory=dict)
 
     @cached_property
     def closest(self) -> Trial | None:

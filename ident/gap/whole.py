@@ -70,7 +70,7 @@ def whole_effect(
 
 def _by_promise(candidates: Sequence[OnAll]) -> Iterator[list[OnAll]]:
     """Yield the candidates worth a search, which most of the time is spent on, then the others, if there are any."""
-    begun = in_threads(lambda one: one.begun(), candidates)
+    begun = in_threads(lambda one: one.begun, candidates)
     explained = np.array([-np.inf if one is None else one.likelihood for one in begun])
     near = explained >= PROMISE * explained.max(initial=0.0)
     for some in (near, ~near):
@@ -99,23 +99,29 @@ class _Judge:
         return np.array([p.errors().held_out for p in self.problems])
 
     @cached_property
-    def best_single(self) -> FloatArray:
-        """Held-out squares (n,) with every joint's best effect."""
+    def _squares(self) -> FloatArray:
+        return np.asarray(self.before.sum(axis=1))
+
+    @cached_property
+    def _best_single(self) -> FloatArray:
         own = np.array([s.best_error for s in self.searches], dtype=np.float64)
-        return np.asarray(np.minimum(self.before.sum(axis=1), own))
+        return np.asarray(np.minimum(self._squares, own))
+
+    @cached_property
+    def _single(self) -> FloatArray:
+        return likelihoods(self.problems, self._squares, self._best_single)
 
     def first(self, ranking: Sequence[Whole]) -> Whole | None:
         """The first cause that holds."""
-        squares = self.before.sum(axis=1)
         for best in ranking:
             after = best.held_out.sum(axis=1)
-            gains = _gains(squares, after)
+            gains = _gains(self._squares, after)
             # In every fold the joints together must gain: where some move little, others bear it out.
             repeats = falls(np.log(np.maximum(self.before, TINY) / np.maximum(best.held_out, TINY)).sum(axis=0))
             if gains.min() < -GAIN or not repeats:
                 continue
-            helped = _helped(self.panel, self.searches, best, squares, after)
-            explained = likelihoods(self.problems, squares, after)
+            helped = _helped(self.panel, self.searches, best, self._squares, after)
+            explained = likelihoods(self.problems, self._squares, after)
             if len(helped) == 0 or not self._shown(best, helped, explained):
                 continue
             p_value = _p_value(self.panel, best, self.searches)
@@ -123,10 +129,6 @@ class _Judge:
                 others = _alternatives(best, ranking, self._own(helped, explained))
                 return replace(best, p_value=p_value, alternatives=others, joint=int(np.argmax(explained)))
         return None
-
-    @cached_property
-    def _single(self) -> FloatArray:
-        return likelihoods(self.problems, self.before.sum(axis=1), self.best_single)
 
     def _alone(self, helped: IntArray, explained: FloatArray) -> bool:
         """Whether a cause shows on one joint alone."""
@@ -141,14 +143,14 @@ class _Judge:
 
     def _shown(self, best: Whole, helped: IntArray, explained: FloatArray) -> bool:
         """Whether a cause explains about as much as the effects of the joints that it helps, and at any pace."""
-        squares, one, alone = self.before.sum(axis=1), int(helped[0]), self._alone(helped, explained)
+        one, alone = int(helped[0]), self._alone(helped, explained)
         if self.instead is not None and type(best.effect) is type(self.instead):
             shown = bool(explained.sum() > self._single[self.instead.at])
         elif alone:
             shown = _stands_alone(best, self.searches[one].closest, explained, self._single, one)
             shown = shown and bool(np.all(best.held_out[one] <= self.before[one]))
         else:
-            affected = _gains(squares, self.best_single) > GAIN
+            affected = _gains(self._squares, self._best_single) > GAIN
             shown = _rivals(explained, self._single, affected, helped)
         if shown and (alone or self.last):
             exhausted = [j for j in helped.tolist() if _exhausts(self.panel, self.survey, self.problems[j], best, j)]
