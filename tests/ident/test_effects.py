@@ -374,6 +374,17 @@ def test_a_link_swings_on_its_spring_as_two_masses_do(arm, hertz, dry):
     np.testing.assert_allclose(told[later], lacks[later], atol=(0.06 if dry else 0.05) * np.abs(lacks).max())
 
 
+def test_a_braked_spring_is_looked_for_where_its_link_rings_below_the_cutoff(vs060):
+    figures = {"largest": 30.0, "inertia": 2.0}
+    survey = SimpleNamespace(robot=vs060, cutoff=8.0, **{key: np.full(6, value) for key, value in figures.items()})
+    survey.holds = np.array([0.0, 1.5, 0.0, 0.0, 0.0, 0.0])
+    assert [form.dry for form in Elasticity.candidates(survey, 0)] == [0.0, 0.0]
+    (braked,) = (form for form in Elasticity.candidates(survey, 1) if form.dry > 0.0)
+    wound = braked.shapes[0]
+    assert np.sqrt(30.0 / wound.lower / 2.0) / (2.0 * np.pi) == pytest.approx(8.0)
+    assert all(wound.lower < start < wound.upper for start in wound.starts)
+
+
 def test_a_searched_power_of_stribeck_friction_is_the_given_one(context):
     given, searched = Stribeck(1, power=1.3), Stribeck(1, power=None)
     columns = given.columns(context, np.array([0.05]), given.start())
