@@ -127,7 +127,7 @@ def _known(term: Term, robot: Robot) -> bool:
     """Whether the table can hold a term; whatever is odd about one is left for its columns to complain of."""
     effect = term.effect
     fuller = (isinstance(effect, GearRipple) and not effect.simple) or (
-        isinstance(effect, CableSpring) and effect.slack
+        isinstance(effect, CableSpring) and not effect.stiffens
     )
     if type(effect) not in ENCODED or fuller:
         return False

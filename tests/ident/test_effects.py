@@ -105,6 +105,7 @@ VARIANTS = (
     Backlash(1, flies=True, dry=2.0),
     Backlash(1, flies=True, everywhere=True, dry=2.0),
     CableSpring(1, slack=True, middle=0.1, half=0.8),
+    CableSpring(1, side=-1, middle=0.1, half=0.8),
     ThermalFriction(1, steady=True),
     GearRipple(1, harmonics=2, largest=5.0),
     GearRipple(1, harmonics=3, rolls=True),
