@@ -212,9 +212,11 @@ class Elasticity(ToldAtLargest):
         return change[:, :, None]
 
     def summary(self, robot: Robot, shape: FloatArray, coefficients: FloatArray) -> dict[str, float | list[float]]:
-        """Return the stiffness and, of a spring that rings, its damping ratio."""
+        """Return the stiffness and, of a spring that rings, damping ratio and share of dry friction on its link."""
         if self.rings:
-            return {"stiffness": float(self.largest / shape[0] * coefficients[0]), "damping": float(shape[1])}
+            stiffness = float(self.largest / shape[0] * coefficients[0])
+            braked = {LINK_FRICTION.name: float(shape[2])} if self.dry > 0.0 else {}
+            return {"stiffness": stiffness, "damping": float(shape[1]), **braked}
         return {"stiffness": float(self.largest / coefficients[0]) if coefficients[0] else float("inf")}
 
 
