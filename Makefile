@@ -15,7 +15,7 @@ demo: setup
 	$(BIN)/sensorless demo --out runs/demo
 
 test: setup
-	$(SINGLE_THREADED) $(BIN)/python -m pytest -m "not slow" -n $(TEST_PROCESSES)
+	$(SINGLE_THREADED) $(BIN)/python -m pytest -m "not slow" -n $(TEST_PROCESSES) --dist worksteal
 
 check: setup
 	$(BIN)/ruff check .
