@@ -20,8 +20,7 @@ from ident.effects.electrical import CurrentOffset
 from ident.effects.friction import Coulomb, CoulombAsymmetry, LoadFriction, Sigmoid, Stribeck, Viscous, ViscousNonlinear
 from ident.effects.hysteresis import MaxwellSlip
 from ident.effects.rigid_body import CableSpring, Links, RotorInertia
-from ident.effects.ripple import GearRipple
-from ident.effects.transmission import CrossJointFriction
+from ident.effects.transmission import CrossJointFriction, GearRipple
 from ident.robot import Robot
 
 _COULOMB, _VISCOUS, _OFFSET, _ROTOR, _ASYMMETRY, _STRIBECK, _SIGMOID, _NONLINEAR = range(8)
@@ -126,8 +125,8 @@ class OneSample:
 def _known(term: Term, robot: Robot) -> bool:
     """Whether the table can hold a term; whatever is odd about one is left for its columns to complain of."""
     effect = term.effect
-    fuller = (isinstance(effect, GearRipple) and not effect.simple) or (
-        isinstance(effect, CableSpring) and not effect.stiffens
+    fuller = (isinstance(effect, GearRipple) and (effect.harmonics > 1 or effect.largest > 0.0)) or (
+        isinstance(effect, CableSpring) and effect.slack
     )
     if type(effect) not in ENCODED or fuller:
         return False

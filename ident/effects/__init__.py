@@ -11,7 +11,6 @@ FILES = (
     "thermal",
     "hysteresis",
     "transmission",
-    "ripple",
     "electrical",
     "timing",
     "contact",
