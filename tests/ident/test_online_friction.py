@@ -135,9 +135,9 @@ def test_directions_that_build_up_give_the_columns(vs060, kind):
 def test_a_searched_power_is_encoded_and_fuller_forms_are_left_to_their_columns(vs060):
     rng = np.random.default_rng(7)
     stribeck, ripple, cable = (CATALOGUE[name] for name in ("stribeck", "gear-ripple", "cable-spring"))
-    forms = stribeck(4, power=None), ripple(0, harmonics=2), cable(1, slack=True)
+    forms = stribeck(4, power=None), ripple(0, harmonics=2), ripple(2, largest=9.0), cable(1, slack=True)
     model = model_of(vs060, *(term(effect, rng, vs060) for effect in forms))
-    assert model.one_sample.encoded == (False, True, False, False)
+    assert model.one_sample.encoded == (False, True, False, False, False)
     motion = wander(rng)
     expected = by_columns(model, motion, model.start())[:, 4]
     np.testing.assert_allclose(by_samples(model, motion, model.start())[:, 4], expected, rtol=1e-9, atol=1e-12)
