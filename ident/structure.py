@@ -15,7 +15,8 @@ from ident.effects.direction import DirectedEffect, VelocityEffect
 from ident.effects.friction import CoulombAsymmetry, LoadFriction, Sigmoid, Stribeck, ViscousNonlinear
 from ident.effects.hysteresis import MaxwellSlip
 from ident.effects.rigid_body import CableSpring
-from ident.effects.transmission import CrossJointFriction, GearRipple
+from ident.effects.ripple import GearRipple
+from ident.effects.transmission import CrossJointFriction
 from ident.fit import Drives, settle, solved_model
 from ident.least_squares import Factors, factorise, solve, triangle
 from ident.log import LogSource

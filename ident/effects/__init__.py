@@ -11,6 +11,7 @@ FILES = (
     "thermal",
     "hysteresis",
     "transmission",
+    "ripple",
     "electrical",
     "timing",
     "contact",

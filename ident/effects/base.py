@@ -149,6 +149,7 @@ class Survey:
         middle: middle (n,) of it.
         holds: force (n,) that dry friction holds of a joint that stands, in the model's force unit.
         cutoff: of the filter that derives velocity and acceleration [Hz].
+        inertia: mean inertia (n,) of the links that each joint moves, in the model's force unit per rad/s^2 or m/s^2.
     """
 
     robot: Robot
@@ -167,6 +168,7 @@ class Survey:
     middle: FloatArray
     holds: FloatArray
     cutoff: float
+    inertia: FloatArray
 
 
 @dataclass(frozen=True)
@@ -185,7 +187,6 @@ class Effect(ABC):
         contains: names of effects that it has as a limit; where they are missing, they are named before it.
         besides: how many of its columns, the last ones, come with its law and alone are not it.
         rivals: names of effects that it is easily taken for.
-        softens: whether it takes from fast changes of the model's force, and so from noise of the accelerations in it.
         kind: what it shares with effects that, together, could be any law; a joint is given one of a kind.
         excitation: what the motion must contain for the effect to show.
     """
@@ -198,7 +199,6 @@ class Effect(ABC):
     contains: ClassVar[tuple[str, ...]] = ()
     besides: ClassVar[int] = 0
     rivals: ClassVar[tuple[str, ...]] = ()
-    softens: ClassVar[bool] = False
     kind: ClassVar[str] = ""
     excitation: ClassVar[str] = "motion of the joint"
     catalogue: ClassVar[dict[str, type[Effect]]] = {}
@@ -212,6 +212,11 @@ class Effect(ABC):
     def needs(self) -> tuple[str, ...]:
         """What of a fitted model its columns depend on: ``load``, ``links``, ``total``; a class may set it."""
         return ()
+
+    @property
+    def softens(self) -> bool:
+        """Whether it takes from fast changes of the model's force, and so from noise in it; a class may set it."""
+        return False
 
     @property
     def measured_on(self) -> int | None:

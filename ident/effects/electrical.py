@@ -9,7 +9,7 @@ import numpy as np
 
 from ident.arrays import FloatArray
 from ident.effects.base import Coefficient, Context, Effect, Shape, Survey, ToldAtLargest
-from ident.effects.transmission import (
+from ident.effects.ripple import (
     GEAR_HARMONICS,
     POLE_HARMONICS,
     GearRipple,
@@ -149,5 +149,5 @@ class Cogging(GearRipple):
         return [cls(joint, most=most, fewest=fewest, step=step)] if most > fewest + 1.0 else []
 
     def fuller(self, survey: Survey) -> list[Effect]:
-        """Return none: magnets pull at slots whatever the load."""
-        return []
+        """Return none that grows with the load: magnets pull at slots whatever it is."""
+        return [form for form in super().fuller(survey) if isinstance(form, Cogging) and form.largest == 0.0]

@@ -10,7 +10,7 @@ import numpy as np
 from ident.arrays import FloatArray
 from ident.compiled import compiled
 from ident.effects.base import Coefficient, Context, Effect, Shape, Survey
-from ident.effects.direction import SMOOTHING
+from ident.effects.two_masses import LINK_FRICTION, link_behind
 
 if TYPE_CHECKING:
     from ident.robot import Robot
@@ -131,30 +131,40 @@ class Backlash(Effect):
     Attributes:
         falls: whether a link that is held is pressed against one flank by its load at rest.
         flies: whether the link flies through the gap, or friction holds it.
+        everywhere: whether a knock is felt in all rows or in its own alone, as where other joints' drives yield to it.
         dry: the joint's dry friction, of which a share may brake a link that flies; nought where none does.
     """
 
     falls: bool = True
     flies: bool = False
+    everywhere: bool = False
     dry: float = 0.0
 
     name = "backlash"
     family = "hysteresis"
     needs = ("load", "links")
     rivals = ("maxwell-slip", "elasticity")
+    contains = ("elasticity",)
     excitation = "reversals under load, and changes of the load's sign"
 
     @classmethod
     def candidates(cls, survey: Survey, joint: int | None) -> list[Effect]:
-        """Try a link that is held and, as a cause of the whole robot that one joint has, one that flies."""
+        """Try a link that is held or flies and, as a cause of the whole robot that one joint has, one that flies."""
         if joint is None:
-            return [cls(k, flies=True, dry=float(survey.holds[k])) for k in range(survey.robot.n)]
-        return [cls(joint, falls) for falls in (True, False)]
+            dry = survey.holds.tolist()
+            return [cls(k, flies=True, everywhere=True, dry=dry[k]) for k in range(survey.robot.n)]
+        held: list[Effect] = [cls(joint, falls) for falls in (True, False)]
+        return [*held, cls(joint, flies=True, dry=float(survey.holds[joint]))]
+
+    @property
+    def softens(self) -> bool:
+        """Whether flanks carry the load as springs do."""
+        return self.flies
 
     @property
     def acts_on(self) -> int | None:
-        """All rows where the link flies, or the joint's own."""
-        return None if self.flies else self.joint
+        """All rows, or the joint's own."""
+        return None if self.everywhere else self.joint
 
     @property
     def shapes(self) -> tuple[Shape, ...]:
@@ -162,35 +172,46 @@ class Backlash(Effect):
         if not self.flies:
             return (Shape("gap", "{angle}", 2e-5, 2e-2, (1e-3, 2e-4, 4e-3)),)
         gap = Shape("gap", "{angle}", 2e-5, 5e-2, tuple(np.geomspace(6e-5, 3e-2, 16).tolist()))
-        hertz = Shape("hertz", "Hz", 5.0, 100.0, (14.0, 28.0), ends=(True, False))
+        hertz = Shape("hertz", "Hz", 5.0, 100.0, (18.0,), ends=(True, False))
         damping = Shape("damping", "1", 0.02, 2.0, (0.3,), ends=(False, False))
-        braked = Shape("link_friction", "1", 0.0, 1.0, (0.0, 0.25), log=False, ends=(False, False))
-        return (gap, hertz, damping, braked) if self.dry > 0.0 else (gap, hertz, damping)
+        return (gap, hertz, damping, LINK_FRICTION) if self.dry > 0.0 else (gap, hertz, damping)
 
     def coefficients(self, robot: Robot) -> tuple[Coefficient, ...]:
-        """Return the share of the load that is missing inside the gap; a link that flies carries none."""
-        return (Coefficient("share", "1", lower=0.5 if self.flies else 0.0),)
+        """Return the share of the load that is missing inside the gap.
+
+        A link that flies carries none, but knocks that are foretold too early and too late are so much smaller.
+        """
+        least = 0.5 if self.everywhere else LEAST_KNOCK
+        return (Coefficient("share", "1", lower=least if self.flies else 0.0),)
 
     def start(self) -> FloatArray:
-        """Return place in the gap and last position, or place, speed, last pull and time; not known at first."""
-        return np.array([0.0, 0.0, 0.0, np.nan]) if self.flies else np.array([0.0, np.nan])
+        """Return place in the gap and last position, or what two masses remember."""
+        return np.array([0.0, 0.0, 0.0, 0.0, np.nan]) if self.flies else np.array([0.0, np.nan])
 
     def columns(self, context: Context, shape: FloatArray, memory: FloatArray) -> FloatArray:
         """Return minus the load inside the gap or, of a link that flies, minus what its acceleration is short of."""
-        load, motion = context.needed("load", self.name), context.motion
-        half, joint = 0.5 * float(shape[0]), self.at
         if self.flies:
-            inertia = context.inertia[:, :, joint]
-            own = inertia[:, joint]  # of fitted links, which may be none that exist
-            needed = load[:, joint]
-            if self.dry > 0.0:
-                needed = needed + float(shape[3]) * self.dry * np.tanh(motion.dq[:, joint] / SMOOTHING)
-            pull = np.where(own > 0.0, needed / np.where(own > 0.0, own, 1.0), 0.0)
-            ahead = _ahead(np.ascontiguousarray(motion.t), pull, half, float(shape[1]), float(shape[2]), memory)
-            return np.asarray(-inertia * ahead[:, None])[:, :, None]
+            return self._flown(context, shape, memory)
+        load, motion, joint = context.needed("load", self.name), context.motion, self.at
         own, q, dq = (np.ascontiguousarray(x[:, joint]) for x in (load, motion.q, motion.dq))
-        return (-own * _inside(q, dq, own, half, self.falls, memory))[:, None]
+        return (-own * _inside(q, dq, own, 0.5 * float(shape[0]), self.falls, memory))[:, None]
 
+    def _flown(self, context: Context, shape: FloatArray, memory: FloatArray) -> FloatArray:
+        """Return what forces lack as the link flies."""
+        gap, hertz, damping = shape[:3].tolist()
+        dry = float(shape[3]) * self.dry if self.dry > 0.0 else 0.0
+        inertia = context.inertia[:, :, self.at]
+        stiffness = (2.0 * np.pi * hertz) ** 2 * inertia[:, self.at]
+        _, ahead, rubbed = link_behind(context, self.at, stiffness, damping, dry, memory, gap, mean=True)
+        if not self.everywhere:
+            return (rubbed - inertia[:, self.at] * ahead)[:, None]
+        short: FloatArray = -inertia * ahead[:, None]
+        short[:, self.at] += rubbed
+        return short[:, :, None]
+
+
+LEAST_KNOCK = 0.1
+"""Share of a knock that must be there: a load off by a hundredth changes sides some milliseconds too early or late."""
 
 ENGAGES = 8
 """Power of the place in the gap with which flanks engage: positions are noisy, and no tooth is all or nothing."""
@@ -220,42 +241,6 @@ def _inside(
         last = q[k]
         out[k] = 1.0 - (place / half) ** ENGAGES
     memory[0], memory[1] = place, last
-    return out
-
-
-STEPS = 4.0
-"""Steps in which a radian of a link's ringing on its flank is integrated."""
-
-
-@compiled
-def _ahead(
-    t: FloatArray, pull: FloatArray, half: float, hertz: float, damping: float, memory: FloatArray
-) -> FloatArray:
-    """Acceleration of the motor ahead of a link that is left behind by ``pull``, its load over its inertia.
-
-    Flanks are springs with dampers that push and do not pull; inside the gap the link is free. Samples without a pull
-    are passed over.
-    """
-    out, turn = np.zeros(len(t)), 2.0 * np.pi * hertz
-    ahead, speed, before, last = memory[0], memory[1], memory[2], memory[3]
-    for k in range(len(t)):
-        if np.isnan(pull[k]):
-            out[k] = np.nan
-            continue
-        if np.isnan(last):
-            ahead = (half + abs(pull[k]) / turn**2) * (1.0 if pull[k] >= 0.0 else -1.0)
-        else:
-            steps = int(np.ceil((t[k] - last) * turn * STEPS))
-            step, first = (t[k] - last) / steps, speed
-            for i in range(steps):
-                wound = ahead - min(max(ahead, -half), half)
-                push = turn * (turn * wound + 2.0 * damping * speed)
-                carried = push if push * wound > 0.0 else 0.0
-                speed += (before + (pull[k] - before) * (i + 0.5) / steps - carried) * step
-                ahead += speed * step
-            out[k] = (speed - first) / (t[k] - last)
-        before, last = pull[k], t[k]
-    memory[0], memory[1], memory[2], memory[3] = ahead, speed, before, last
     return out
 
 

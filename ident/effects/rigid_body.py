@@ -20,6 +20,9 @@ NEUTRAL = (0.0, -0.5, 0.5, -1.0, 1.0, -1.75, 1.75, -2.5, 2.5)
 OFF_MIDDLE = (-0.6, -0.3, 0.0, 0.3, 0.6)
 """How far off the middle of the positions seen slack cables may hang free, in halves of their range, and the starts."""
 
+ONE_SIDE = 0.5
+"""The same of those that pull on one side, by this: what is met farther from the middle may be a stop."""
+
 MOMENT_UNITS = {"m": "kg", "mx": "kg m", "my": "kg m", "mz": "kg m"}
 
 
@@ -81,13 +84,15 @@ class CableSpring(Effect):
 
     Attributes:
         slack: whether they pull only once they are taut, on both sides of where they hang free.
-        middle: middle of the positions seen [rad or m], of one that does.
+        middle: middle of the positions seen [rad or m], of one that does so or on one side.
         half: half of their range.
+        side: 1 or -1 of a hose that is drawn taut towards that side alone, over much of the way: a stop is at its end.
     """
 
     slack: bool = False
     middle: float = 0.0
     half: float = 1.0
+    side: int = 0
 
     name = "cable-spring"
     family = "rigid-body"
@@ -97,34 +102,47 @@ class CableSpring(Effect):
 
     @classmethod
     def candidates(cls, survey: Survey, joint: int | None) -> list[Effect]:
-        """Try it stiffening, and slack within the positions seen: what is taut on one side alone may be a stop."""
+        """Try it stiffening, slack within the positions seen, and drawn taut towards either side."""
         if joint is None:
             return []
-        half = 0.5 * float(survey.reach[joint])
-        return [cls(joint), *([cls(joint, True, float(survey.middle[joint]), half)] if half > 0.0 else [])]
+        middle, half = float(survey.middle[joint]), 0.5 * float(survey.reach[joint])
+        within = [cls(joint, not side, middle, half, side) for side in (0, 1, -1)] if half > 0.0 else []
+        return [cls(joint), *within]
+
+    @property
+    def stiffens(self) -> bool:
+        """Whether it stiffens away from where it hangs free, and is slack nowhere."""
+        return not self.slack and self.side == 0
 
     @property
     def shapes(self) -> tuple[Shape, ...]:
         """Return the angle at which the cables hang free, which a stiffness alone does not tell from an offset.
 
-        Of slack ones also where they are taut, as a share of the way from there to the nearer end of the positions.
+        Of slack ones also where they are taut, as a share of the way from there to the nearer end of the positions; of
+        those taut on one side where that begins, and over which share of half the range.
         """
-        if not self.slack:
+        if self.stiffens:
             return (Shape("neutral", "{angle}", -4.0, 4.0, NEUTRAL, log=False, ends=(False, False)),)
-        near, *starts, far = (self.middle + share * self.half for share in OFF_MIDDLE)
-        return (
-            Shape("neutral", "{angle}", near, far, tuple(starts), log=False),
-            Shape("taut", "1", 0.05, 0.9, (0.3, 0.6), log=False, ends=(False, True)),
-        )
+        off = OFF_MIDDLE if self.slack else tuple(ONE_SIDE * share for share in OFF_MIDDLE)
+        near, *starts, far = (self.middle + share * self.half for share in off)
+        neutral = Shape("neutral", "{angle}", near, far, tuple(starts), log=False)
+        if self.side:
+            return (neutral, Shape("softness", "1", 0.02, 1.5, (0.1, 0.4), ends=(False, False)))
+        return (neutral, Shape("taut", "1", 0.05, 0.9, (0.3, 0.6), log=False, ends=(False, True)))
 
     def coefficients(self, robot: Robot) -> tuple[Coefficient, ...]:
         """Return the stiffness and, of stiffening ones, its growth with the angle's square; a pull is never a push."""
         stiffness = Coefficient("stiffness", "{current}/{angle}", lower=0.0)
-        return (stiffness,) if self.slack else (stiffness, Coefficient("stiffening", "{current}/{angle}^3", lower=0.0))
+        growth = Coefficient("stiffening", "{current}/{angle}^3", lower=0.0)
+        return (stiffness, growth) if self.stiffens else (stiffness,)
 
     def columns(self, context: Context, shape: FloatArray, memory: FloatArray) -> FloatArray:
-        """Return the angle from neutral and its cube, or what it is beyond the slack."""
+        """Return the angle from neutral and its cube, or what it is beyond the slack or, little by little, taut."""
         angle = context.motion.q[:, self.at] - shape[0]
+        if self.side:
+            over = self.side * shape[1] * self.half
+            beyond: FloatArray = over * (np.maximum(angle / over, 0.0) + np.log1p(np.exp(-np.abs(angle / over))))
+            return beyond[:, None]
         if self.slack:
             taut: FloatArray = np.sign(angle) * np.maximum(np.abs(angle) - self._slack(shape), 0.0)
             return taut[:, None]
@@ -136,13 +154,16 @@ class CableSpring(Effect):
 
     def gradient(self, context: Context, shape: FloatArray) -> FloatArray:
         """Differentiate the columns by the neutral angle."""
-        if self.slack:
+        if not self.stiffens:
             return super().gradient(context, shape)
         angle = context.motion.q[:, self.at] - shape[0]
         return np.stack([-np.ones_like(angle), -3.0 * angle**2], axis=1)[None]
 
     def summary(self, robot: Robot, shape: FloatArray, coefficients: FloatArray) -> dict[str, float | list[float]]:
-        """Return neutral angle, stiffness and its growth, or the slack."""
-        if not self.slack:
+        """Return neutral angle, stiffness and its growth, or the slack, or over which angle it is drawn taut."""
+        if self.stiffens:
             return super().summary(robot, shape, coefficients)
+        if self.side:
+            over = float(shape[1] * self.half)
+            return {"neutral": float(shape[0]), "over": over, "stiffness": float(coefficients[0])}
         return {"neutral": float(shape[0]), "slack": self._slack(shape), "stiffness": float(coefficients[0])}

@@ -215,10 +215,11 @@ def best_trials(panel: Panel, survey: Survey, gate: Gate, effects: Sequence[Effe
 
 
 def _fuller(panel: Panel, gate: Gate, effect: Effect, plain: Trial, joint: int) -> Trial:
-    """A fuller form of a law at the shape that suits it best near that of the plain one."""
-    columns = admissible(panel, gate.problem, effect, plain.shape, joint)
+    """A fuller form of a law at the shape that suits it best near that of the plain one, whose parameters are first."""
+    begun = np.append(plain.shape, [more.starts[0] for more in effect.shapes[len(plain.shape) :]])
+    columns = admissible(panel, gate.problem, effect, begun, joint)
     drops, statistics = gate.look([columns])
-    return refine(panel, gate.problem, Trial(effect, plain.shape, float(drops[0]), float(statistics[0])), joint)
+    return refine(panel, gate.problem, Trial(effect, begun, float(drops[0]), float(statistics[0])), joint)
 
 
 def _held_out(trial: Trial) -> float:

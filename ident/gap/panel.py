@@ -142,6 +142,12 @@ class Panel:
         load, total = (None if getattr(first, what) is None else self.seen(what) for what in ("load", "total"))
         return Context(self.robot, self.motion, load, first.links, total)
 
+    @cached_property
+    def inertia(self) -> FloatArray:
+        """Mean inertia (n,) of the links that each joint moves; nought of fitted ones that no body has."""
+        own = np.diagonal(self._looked_at.inertia, axis1=1, axis2=2)
+        return np.asarray(np.maximum(own.mean(axis=0), 0.0))
+
     def seen(self, what: str) -> FloatArray:
         """Rows (N, n) of the ``load`` or ``total`` that effects see."""
         return np.concatenate([c.needed(what, "gap")[r] for c, r in zip(self.contexts, self.rows, strict=True)])

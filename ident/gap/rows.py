@@ -76,6 +76,7 @@ def survey_of(model: CurrentModel, panel: Panel) -> Survey:
         middle=0.5 * (panel.motion.q.min(axis=0) + panel.motion.q.max(axis=0)),
         holds=dry,
         cutoff=model.cutoff,
+        inertia=panel.inertia,
     )
 
 

@@ -8,7 +8,7 @@ import numpy as np
 
 from ident.arrays import FloatArray
 from ident.effects import load_catalogue
-from ident.effects.transmission import GEAR_HARMONICS
+from ident.effects.ripple import GEAR_HARMONICS
 from ident.gap.candidates import Trial, admissible
 from ident.gap.experiment import Experiment
 from ident.gap.joint_gap import JointGap, Named, nested_errors

@@ -10,12 +10,14 @@ from scipy.interpolate import CubicSpline
 
 from ident.effects import load_catalogue
 from ident.effects.base import Context, Effect, initial_term
+from ident.effects.direction import SMOOTHING
 from ident.effects.electrical import Cogging
 from ident.effects.friction import Coulomb, LoadFriction, PositionFriction, Stribeck, ViscousNonlinear
 from ident.effects.hysteresis import Backlash, MaxwellSlip
 from ident.effects.rigid_body import CableSpring, Links, RotorInertia
+from ident.effects.ripple import GearRipple
 from ident.effects.thermal import ThermalFriction
-from ident.effects.transmission import CrossJointFriction, Elasticity, GearRipple
+from ident.effects.transmission import CrossJointFriction, Elasticity
 from ident.errors import InputError
 from ident.model import NEWTON_METRE, CurrentModel
 from ident.robot import load_robot
@@ -98,11 +100,15 @@ VARIANTS = (
     Elasticity(1, everywhere=True),
     Elasticity(1, rings=True),
     Elasticity(1, everywhere=True, rings=True),
+    Elasticity(1, everywhere=True, rings=True, dry=2.0),
     Backlash(1, flies=True),
     Backlash(1, flies=True, dry=2.0),
+    Backlash(1, flies=True, everywhere=True, dry=2.0),
     CableSpring(1, slack=True, middle=0.1, half=0.8),
+    CableSpring(1, side=-1, middle=0.1, half=0.8),
     ThermalFriction(1, steady=True),
     GearRipple(1, harmonics=2, largest=5.0),
+    GearRipple(1, harmonics=3, rolls=True),
 )
 
 
@@ -331,8 +337,9 @@ def test_a_sweep_gives_the_columns_at_each_shape(context, effect, even):
     np.testing.assert_allclose(together, alone, atol=1e-11)
 
 
+@pytest.mark.parametrize("dry", [0.0, 0.5])
 @pytest.mark.parametrize("hertz", [4.0, 9.0])
-def test_a_link_swings_on_its_spring_as_two_masses_do(arm, hertz):
+def test_a_link_swings_on_its_spring_as_two_masses_do(arm, hertz, dry):
     # The pendulum at the end of a chain whose first joint stands: its weight bends the spring, too.
     t = np.arange(800) / 200.0
     angle = CubicSpline(t, np.stack([np.full_like(t, 0.3), 0.5 * np.sin(2.0 * t) + 0.1 * np.sin(11.0 * t)], axis=1))
@@ -351,19 +358,32 @@ def test_a_link_swings_on_its_spring_as_two_masses_do(arm, hertz):
         carried = stiffness * y[0] + drag * y[1]
         behind, slower = np.array([0.0, y[0]]), np.array([0.0, y[1]])
         rest = force(angle(s) - behind, angle(s, 1) - slower, np.zeros(2))[0, 1]
-        return [y[1], angle(s, 2)[1] - (carried - rest) / inertia]
+        link = angle(s, 1)[1] - y[1]
+        return [y[1], angle(s, 2)[1] - (carried - rest - dry * link / np.hypot(link, SMOOTHING)) / inertia]
 
     load = force(q, dq, ddq)
-    begun = [load[0, 1] / stiffness, 0.0]
+    begun = [(load[0, 1] + dry * np.sign(dq[0, 1])) / stiffness, 0.0]
     wound = solve_ivp(swing, (0.0, t[-1]), begun, t_eval=t, rtol=1e-8, atol=1e-10).y
     carried = stiffness * wound[0] + drag * wound[1]
-    effect = Elasticity(1, float(np.abs(load[:, 1]).max()), rings=True)
+    effect = Elasticity(1, float(np.abs(load[:, 1]).max()), rings=True, dry=2.0 * dry)
     context = Context(arm, Motion(t, q, dq, ddq), load, links)
-    told = effect.columns(context, np.array([effect.largest / stiffness, damping]), effect.start())[:, 0]
-    lacks = carried - load[:, 1]
+    shape = np.array([effect.largest / stiffness, damping, 0.5])[: len(effect.shapes)]
+    told = effect.columns(context, shape, effect.start())[:, 0]
+    lacks = carried - load[:, 1] - dry * np.tanh(dq[:, 1] / SMOOTHING)
     assert np.abs(lacks).max() > 0.03 * np.abs(load[:, 1]).max()
     later = t > 1.0  # how the spring begins is not known
-    np.testing.assert_allclose(told[later], lacks[later], atol=0.05 * np.abs(lacks).max())
+    np.testing.assert_allclose(told[later], lacks[later], atol=(0.06 if dry else 0.05) * np.abs(lacks).max())
+
+
+def test_a_braked_spring_is_looked_for_where_its_link_rings_below_the_cutoff(vs060):
+    figures = {"largest": 30.0, "inertia": 2.0}
+    survey = SimpleNamespace(robot=vs060, cutoff=8.0, **{key: np.full(6, value) for key, value in figures.items()})
+    survey.holds = np.array([0.0, 1.5, 0.0, 0.0, 0.0, 0.0])
+    assert [form.dry for form in Elasticity.candidates(survey, 0)] == [0.0, 0.0]
+    (braked,) = (form for form in Elasticity.candidates(survey, 1) if form.dry > 0.0)
+    wound = braked.shapes[0]
+    assert np.sqrt(30.0 / wound.lower / 2.0) / (2.0 * np.pi) == pytest.approx(8.0)
+    assert all(wound.lower < start < wound.upper for start in wound.starts)
 
 
 def test_a_searched_power_of_stribeck_friction_is_the_given_one(context):

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from ident.effects.base import Shape
-from ident.effects.transmission import GearRipple
+from ident.effects.ripple import GearRipple
 from ident.gap.candidates import at_bound
 from ident.gap.climb import climb
 

@@ -70,36 +70,43 @@ def test_a_link_that_flies_is_two_masses_with_a_dead_zone_between(vs060, braked)
     links = np.tile(vs060.multibody.parameters, (6, 1))
     load = vs060.rigid_body.inverse_dynamics(motion.q, motion.dq, motion.ddq, links)
     inertia = vs060.rigid_body.mass_matrix(motion.q, vs060.multibody.parameters)
-    # The link's own equation of motion, behind a motor that moves as it does.
-    friction = braked * DRY * np.tanh(motion.dq[:, joint] / SMOOTHING)
-    needs = CubicSpline(t, (load[:, joint] + friction) / inertia[:, joint, joint])
-    turn = 2.0 * np.pi * hertz
+    # The link's own equation of motion, behind a motor that is known; friction brakes it at its own speed.
+    own, needs = (CubicSpline(t, y) for y in (inertia[:, joint, joint], load[:, joint] / inertia[:, joint, joint]))
+    motor, turn = CubicSpline(t, motion.dq[:, joint]), 2.0 * np.pi * hertz
+
+    def rub(time: float | np.ndarray, slower: float = 0.0) -> np.ndarray:
+        return braked * DRY * np.tanh((motor(time) - slower) / SMOOTHING)
+
+    def lacks(time: float, slower: float) -> float:
+        return float(needs(time) + rub(time, slower) / own(time))
 
     def carried(behind: float, slower: float) -> float:
         wound = behind - np.clip(behind, -0.5 * gap, 0.5 * gap)
         push = turn**2 * wound + 2.0 * damping * turn * slower
         return push if push * wound > 0.0 else 0.0
 
-    first = float(needs(0.0))
-    start = [(0.5 * gap + abs(first) / turn**2) * np.sign(first), 0.0]
+    first = lacks(0.0, 0.0)
+    start = [(0.5 * gap + abs(first) / turn**2) * np.sign(first), 0.0, 0.0]
     found = solve_ivp(
-        lambda time, x: [x[1], float(needs(time)) - carried(*x)],
+        lambda time, x: [x[1], lacks(time, x[1]) - carried(x[0], x[1]), float(rub(time, x[1]))],
         (0.0, t[-1]),
         start,
         t_eval=t,
         max_step=2e-4,
         rtol=1e-8,
     )
-    effect = Backlash(joint, flies=True, dry=DRY)
+    effect = Backlash(joint, flies=True, everywhere=True, dry=DRY)
     shape = np.array([gap, hertz, damping, braked])
     columns = effect.columns(Context(vs060, motion, load, links), shape, effect.start())
     assert effect.acts_on is None
     # Between samples, as the columns are.
-    true = -inertia[1:, :, joint] * (np.diff(found.y[1]) / 0.002)[:, None]
+    _, slower, rubbed = np.diff(found.y) / 0.002
+    true = -inertia[1:, :, joint] * slower[:, None]
+    true[:, joint] += rubbed - rub(t[1:])
     for j in (1, 2, 4):
         assert np.std(columns[1:, j, 0] - true[:, j]) < 0.08 * np.std(true[:, j])
     # While it flies the motor carries none of it, which happens as often as its load changes sides.
-    free = np.abs(columns[:, joint, 0] + load[:, joint] + friction) < 0.02 * np.abs(load[:, joint]).max()
+    free = np.abs(columns[:, joint, 0] + load[:, joint] + rub(t)) < 0.02 * np.abs(load[:, joint]).max()
     assert 5 < free.sum() < 200
 
 
@@ -107,5 +114,5 @@ def test_links_of_no_inertia_leave_nothing_that_flies(vs060):
     rng = np.random.default_rng(0)
     motion = Motion(np.arange(50) * 0.01, *rng.standard_normal((3, 50, 6)))
     context = Context(vs060, motion, rng.standard_normal((50, 6)), np.zeros((6, 60)))
-    effect = Backlash(2, flies=True)
+    effect = Backlash(2, flies=True, everywhere=True)
     assert not effect.columns(context, initial_term(effect).shape, effect.start()).any()

@@ -10,7 +10,8 @@ from ident.effects.base import Context, Term, initial_term
 from ident.effects.electrical import CurrentOffset
 from ident.effects.friction import Coulomb, Sigmoid, Stribeck, Viscous, ViscousNonlinear
 from ident.effects.hysteresis import Backlash, MaxwellSlip
-from ident.effects.transmission import CrossJointFriction, GearRipple
+from ident.effects.ripple import GearRipple
+from ident.effects.transmission import CrossJointFriction
 from ident.log import JointLog
 from ident.shapes import _Projection, optimise_shapes, orthonormal
 from ident.walk import Block
@@ -58,7 +59,7 @@ def test_what_all_rows_feel_of_one_joint_is_searched_in_its_own(vs060, motion):
     links = np.tile(vs060.multibody.parameters, (6, 1))
     load = vs060.rigid_body.inverse_dynamics(motion.q, motion.dq, motion.ddq, links)
     context, joint, shape = Context(vs060, motion, load, links), 2, np.array([3e-3, 20.0, 0.2])
-    play = Backlash(joint, flies=True)
+    play = Backlash(joint, flies=True, everywhere=True)
     current = play.current(context, shape, np.ones(1), play.start())
     design = Design(vs060, (Term(play, np.array([3.3e-3, 17.0, 0.3])),), np.ones(6), known=lambda _: context)
     block = Block(JointLog(motion.t, motion.q, current), motion, True, np.ones(len(motion), dtype=bool))

@@ -1,0 +1,204 @@
+"""Forces that repeat with a joint's angle many times a turn: ripples of gears; those of motors are among them."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, ClassVar
+
+import numpy as np
+
+from ident.arrays import FloatArray
+from ident.effects.base import Coefficient, Context, Effect, Shape, Survey
+
+if TYPE_CHECKING:
+    from ident.robot import Robot
+
+FEWEST_REPEATS = 4.0
+"""Fewer repeats a turn of the joint look like a cable, a balancer or the links' weight."""
+
+WAVES = 2.0
+"""Waves over the angles seen, fewer of which look like them, too."""
+
+USUAL_RATIO = 100.0
+"""Gear ratio of a robot joint whose card names none."""
+
+GEAR_HARMONICS = 2.5
+"""A gear repeats at most this many times a turn of its motor (a wave generator twice); motor poles more often."""
+
+HARMONIC_REPEATS = 125.0
+"""Repeats a turn up to which a ripple's second harmonic is looked for; a quicker one's passes too fast to be seen."""
+
+POLE_HARMONICS = 16.0
+"""Repeats a turn of the motor up to which its poles are looked for."""
+
+APART = 3.0
+"""Phase [rad] by which ripples must come apart over the angles seen, to be looked for one by one."""
+
+HARMONICS = ("second_harmonic", "third_harmonic")
+"""Looked for where a ripple is found; later ones of a gear or of poles are small."""
+
+ROLLING = Shape("speed", "{angle}/s", 5e-4, 0.2, (0.01,), ends=(False, True))
+"""Over which a ripple comes up that is there only as the joint turns."""
+
+
+@dataclass(frozen=True)
+class GearRipple(Effect):
+    """Force that repeats with the joint's angle: tooth meshing, run-out, the wave generator of a strain-wave gear.
+
+    A gear's kinematic error may grow with the load that it carries: so does the ripple's amplitude then, linearly. What
+    teeth bring about as they roll is not there at rest, where friction holds the joint.
+
+    Attributes:
+        most, fewest: repeats a turn between which the search looks.
+        harmonics: of the ripple, up to three.
+        step: repeats a turn from one start of the search to the next.
+        largest: largest force that the model gives on the logs, at which a ripple that grows with the load is told; one
+            of one size has none.
+        rolls: whether it is there only as the joint turns.
+    """
+
+    most: float = 40.0
+    fewest: float = 0.5
+    harmonics: int = 1
+    step: float = 1.0
+    largest: float = 0.0
+    rolls: bool = False
+
+    name = "gear-ripple"
+    family = "transmission"
+    rivals: ClassVar[tuple[str, ...]] = ("cogging", "cable-spring", "position-friction")
+    excitation = "slow constant speeds, so that the ripple stays below half the sampling rate"
+
+    @classmethod
+    def candidates(cls, survey: Survey, joint: int | None) -> list[Effect]:
+        """Try it on turning joints with a gear, up to the repeats of a motor turn, also for its second harmonic."""
+        if joint is None or survey.robot.multibody.prismatic[joint]:
+            return []
+        fewest, most = fewest_repeats(survey, joint), most_of_gears(survey, joint)
+        tried = ((most, 1), (min(most, HARMONIC_REPEATS), 2))
+        step = ripples_apart(survey, joint)
+        return [cls(joint, limit, fewest, harmonics, step) for limit, harmonics in tried if limit > fewest + 1.0]
+
+    def fuller(self, survey: Survey) -> list[Effect]:
+        """Return the ripple with more harmonics, as it grows with the load, and as it is there only in motion."""
+        if not self.simple:
+            return []
+        rich = replace(self, harmonics=1 + len(HARMONICS))
+        largest = float(survey.largest[self.at])
+        grown = [replace(self, largest=largest)] if largest > 0.0 else []
+        return [rich, *grown, replace(self, rolls=True), replace(rich, rolls=True)]
+
+    @property
+    def simple(self) -> bool:
+        """Whether it is a sine of one size."""
+        return self.harmonics == 1 and self.largest == 0.0 and not self.rolls
+
+    @property
+    def needs(self) -> tuple[str, ...]:
+        """The load, where the ripple grows with it."""
+        return ("load",) if self.largest > 0.0 else ()
+
+    @property
+    def shapes(self) -> tuple[Shape, ...]:
+        """Return the repeats a turn of the joint and, of one there only in motion, the speed over which it comes up."""
+        starts = tuple(np.arange(np.floor(self.fewest) + 1.0, self.most, self.step).tolist())
+        per_turn = Shape("per_turn", "1", self.fewest, self.most, starts, log=False)
+        return (per_turn, ROLLING) if self.rolls else (per_turn,)
+
+    def coefficients(self, robot: Robot) -> tuple[Coefficient, ...]:
+        """Return amplitudes in and out of phase with the joint's zero, of each harmonic; then by how much they grow."""
+        orders = ["", *map(str, range(2, self.harmonics + 1))]
+        names = [f"force_{wave}{order}" for order in orders for wave in ("sin", "cos")]
+        grown = [f"{name}_grown" for name in names] if self.largest > 0.0 else []
+        return tuple(Coefficient(name, "{current}") for name in names + grown)
+
+    def summary(self, robot: Robot, shape: FloatArray, coefficients: FloatArray) -> dict[str, float | list[float]]:
+        """Return the amplitude, its repeats a turn, its phase at the joint's zero, and the other harmonics'.
+
+        One that grows with the load is told at the largest force, and without load (``unloaded``).
+        """
+        without = coefficients[: 2 * self.harmonics]
+        at_most = without + coefficients[len(without) :] if self.largest > 0.0 else without
+        told = {"force": float(np.hypot(*at_most[:2])), "per_turn": float(shape[0])}
+        told["phase"] = float(np.arctan2(at_most[1], at_most[0]))
+        for order, name in zip(range(1, self.harmonics), HARMONICS, strict=False):
+            told[name] = float(np.hypot(*at_most[2 * order : 2 * order + 2]))
+        if self.largest > 0.0:
+            told["unloaded"] = float(np.hypot(*without[:2]))
+        return {**told, "speed": float(shape[1])} if self.rolls else {**told}
+
+    def columns(self, context: Context, shape: FloatArray, memory: FloatArray) -> FloatArray:
+        """Return sine and cosine of multiples of per_turn times the angle; the same times the load's size."""
+        phases = [k * shape[0] * context.motion.q[:, self.at] for k in range(1, self.harmonics + 1)]
+        return self._full(
+            context, np.stack([wave(phase) for phase in phases for wave in (np.sin, np.cos)], axis=1), shape
+        )
+
+    def sweep(self, context: Context, shapes: FloatArray) -> Iterator[FloatArray]:
+        """Yield sine and cosine at each of several repeats a turn; evenly spaced ones by turning one phasor on."""
+        per_turn, angle = shapes[:, 0], context.motion.q[:, self.at]
+        if self.rolls or len(per_turn) < 3 or np.ptp(np.diff(per_turn)) > 1e-9:
+            yield from super().sweep(context, shapes)
+            return
+        wave, onward = (np.exp(1j * turns * angle) for turns in (per_turn[0], per_turn[1] - per_turn[0]))
+        for shape in shapes:
+            powers = itertools.accumulate([wave] * self.harmonics, np.multiply)
+            waves = np.stack([part for power in powers for part in (power.imag, power.real)], axis=1)
+            yield self._full(context, waves, shape)
+            wave = wave * onward
+
+    def gradient(self, context: Context, shape: FloatArray) -> FloatArray:
+        """Differentiate the columns by the repeats a turn, and by the speed over which it comes up."""
+        angle = context.motion.q[:, self.at]
+        turned = [(k * angle, k * shape[0] * angle) for k in range(1, self.harmonics + 1)]
+        slopes = [slope for by, phase in turned for slope in (by * np.cos(phase), -by * np.sin(phase))]
+        by_turns = self._full(context, np.stack(slopes, axis=1), shape)
+        if not self.rolls:
+            return by_turns[None]
+        # d tanh(u) / du, u = |v| / speed, over tanh(u), which is no wave's.
+        over = np.abs(context.motion.dq[:, self.at]) / shape[1]
+        here = np.tanh(over)
+        per_wave = np.divide(-over * (1.0 - here**2), here * shape[1], out=np.zeros_like(over), where=here > 0.0)
+        return np.stack([by_turns, self.columns(context, shape, self.start()) * per_wave[:, None]])
+
+    def _full(self, context: Context, waves: FloatArray, shape: FloatArray) -> FloatArray:
+        """Waves (N, k) as far as the joint turns and, where they grow with the load, times its size, too (N, 2 k)."""
+        if self.rolls:
+            waves = waves * np.tanh(np.abs(context.motion.dq[:, self.at]) / shape[1])[:, None]
+        if self.largest == 0.0:
+            return waves
+        size = np.abs(context.needed("load", self.name)[:, self.at]) / self.largest
+        return np.hstack([waves, waves * size[:, None]])
+
+
+def fewest_repeats(survey: Survey, joint: int) -> float:
+    """Return the repeats a turn of a joint from which on a force of its angle is seen to repeat.
+
+    Args:
+        survey: what is known of robot and logs.
+        joint: from 0.
+    """
+    return max(FEWEST_REPEATS, WAVES * 2.0 * np.pi / max(float(survey.reach[joint]), 1e-6))
+
+
+def ripples_apart(survey: Survey, joint: int) -> float:
+    """Return the repeats a turn of a joint by which ripples must differ to look different.
+
+    Args:
+        survey: what is known of robot and logs.
+        joint: from 0.
+    """
+    return float(max(1.0, np.floor(APART / max(float(survey.reach[joint]), 1e-6))))
+
+
+def most_of_gears(survey: Survey, joint: int) -> float:
+    """Return the repeats a turn of a joint up to which its gear is looked for.
+
+    Args:
+        survey: what is known of robot and logs.
+        joint: from 0.
+    """
+    ratio = survey.robot.gear_ratio
+    return GEAR_HARMONICS * (USUAL_RATIO if ratio is None else max(abs(float(ratio[joint])), 2.0))

@@ -1,0 +1,176 @@
+"""Two masses: a link behind a spring, or the play of a gear, that is left behind by the motor that drives it."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ident.arrays import FloatArray
+from ident.compiled import compiled
+from ident.effects.base import Context, Shape
+from ident.effects.direction import SMOOTHING
+
+STEPS, BRAKED = 4.0, 4
+"""Steps in which a radian of the link's ringing is integrated, and a sample at least where friction brakes the link."""
+
+FASTEST = 3.0
+"""Radians a sample by which it may ring; a stiffer spring is as good as at rest."""
+
+LINK_FRICTION = Shape("link_friction", "1", 0.0, 1.0, (0.2,), log=False, ends=(False, False))
+"""Share of a joint's dry friction that brakes the link and not the motor."""
+
+
+def link_behind(
+    context: Context,
+    joint: int,
+    stiffness: FloatArray,
+    damping: float,
+    dry: float,
+    memory: FloatArray,
+    gap: float = 0.0,
+    mean: bool = False,
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Follow a joint's link behind its motor, both as the model knows them.
+
+    Args:
+        context: what effects see of the rows (N).
+        joint: the joint, from 0.
+        stiffness: of what lies between motor and link (N,).
+        damping: damping ratio of the link's ringing.
+        dry: dry friction that brakes the link and not the motor.
+        memory: what two masses remember.
+        gap: play between them.
+        mean: whether accelerations and friction are means since the sample before.
+
+    Returns:
+        How far the motor is ahead, the acceleration of that, and the force by which the link's friction differs from
+        what it would be at the motor's speed, (N,) each. They are nought where fitted links have no inertia.
+    """
+    own, motion = context.inertia[:, joint, joint], context.motion
+    real, dq = own > 0.0, np.ascontiguousarray(motion.dq[:, joint])
+    per_own = np.divide(1.0, own, out=np.zeros_like(own), where=real)
+    pull, t = context.needed("load", "two masses")[:, joint] * per_own, np.ascontiguousarray(motion.t)
+    brake, square = dry * per_own, stiffness * per_own
+    if gap == 0.0 and dry == 0.0:
+        ahead, onward = swings(t, pull, square, damping, memory)
+        return ahead, onward, np.zeros(len(t))
+    ahead, onward, rubs = left_behind(t, pull, dq, brake, 0.5 * gap, square, damping, mean, memory)
+    rubbed = dry * np.where(real, rubs - np.tanh(dq / SMOOTHING), 0.0) if dry > 0.0 else np.zeros(len(t))
+    return ahead, onward, rubbed
+
+
+@compiled
+def left_behind(
+    t: FloatArray,
+    pull: FloatArray,
+    dq: FloatArray,
+    brake: FloatArray,
+    half: float,
+    square: FloatArray,
+    damping: float,
+    mean: bool,
+    memory: FloatArray,
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Follow how far the motor is ahead of a link (cf. Nordin and Gutman 2002, section 2.1).
+
+    Flanks are springs with dampers that push and do not pull; inside the gap the link is free. Without a gap there is
+    one spring. Friction never turns the link round within a step. Samples without a pull are passed over.
+
+    Args:
+        t: stamps (N,) [s].
+        pull: load of the link over its inertia (N,).
+        dq: speed of the motor (N,).
+        brake: dry friction of the link over its inertia (N,).
+        half: half the gap.
+        square: square (N,) of the angular frequency at which the link rings; where it is nought nothing gives way.
+        damping: damping ratio.
+        mean: whether accelerations and directions are means since the sample before, as of knocks that come a little
+            earlier or later, or those of the sample.
+        memory: how far the motor was ahead at the last sample, how fast it drew ahead, the pull, the motor's speed and
+            the stamp (not known before the first), which are brought up to date.
+
+    Returns:
+        How far the motor is ahead, the acceleration of that, and the direction of the link's dry friction, (N,) each.
+    """
+    place, onward, rubs = np.zeros(len(t)), np.zeros(len(t)), np.zeros(len(t))
+    ahead, speed, before, motor, last = memory[0], memory[1], memory[2], memory[3], memory[4]
+    for k in range(len(t)):
+        if np.isnan(pull[k]) or np.isnan(square[k]):
+            place[k] = onward[k] = rubs[k] = np.nan
+            continue
+        rubs[k] = np.tanh(dq[k] / SMOOTHING)
+        if square[k] <= 0.0:
+            ahead, speed = 0.0, 0.0
+        elif np.isnan(last):
+            needed = pull[k] + brake[k] * rubs[k]
+            ahead = (half + abs(needed) / square[k]) * (1.0 if needed >= 0.0 else -1.0)
+        else:
+            turn = min(np.sqrt(square[k]), FASTEST / (t[k] - last))
+            steps = max(int(np.ceil((t[k] - last) * turn * STEPS)), BRAKED if brake[k] > 0.0 else 1)
+            step, first, rubbed, gained, rub = (t[k] - last) / steps, speed, 0.0, 0.0, 0.0
+            for i in range(steps):
+                part = (i + 0.5) / steps
+                wound = ahead - min(max(ahead, -half), half)
+                push = turn * (turn * wound + 2.0 * damping * speed)
+                carried = push if half == 0.0 or push * wound > 0.0 else 0.0
+                started = speed
+                speed += (before + (pull[k] - before) * part - carried) * step
+                if brake[k] > 0.0:
+                    link, width = motor + (dq[k] - motor) * part - speed, SMOOTHING + brake[k] * step
+                    rub = link / np.sqrt(link * link + width * width)
+                    speed += brake[k] * rub * step
+                    rubbed += rub
+                ahead += speed * step
+                gained = (speed - started) / step
+            onward[k] = (speed - first) / (t[k] - last) if mean else gained
+            rubs[k] = rubbed / steps if mean else rub
+        place[k] = ahead
+        before, motor, last = pull[k], dq[k], t[k]
+    memory[0], memory[1], memory[2], memory[3], memory[4] = ahead, speed, before, motor, last
+    return place, onward, rubs
+
+
+STIFFEST = 2.0
+"""Radians a sample by which a spring alone may ring; a stiffer one is as good as at rest."""
+
+
+@compiled
+def swings(
+    t: FloatArray, pull: FloatArray, square: FloatArray, damping: float, memory: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Follow a link on a spring alone, exactly for a pull that is linear between samples.
+
+    Args:
+        t: stamps (N,) [s].
+        pull: load of the link over its inertia (N,); samples without it are passed over.
+        square: square (N,) of the angular frequency at which the link rings; where it is nought nothing gives way.
+        damping: damping ratio.
+        memory: as of ``left_behind``, without the motor's speed.
+
+    Returns:
+        How far the motor is ahead, and the acceleration of that, (N,) each.
+    """
+    place, onward = np.zeros(len(t)), np.zeros(len(t))
+    ahead, speed, before, last = memory[0], memory[1], memory[2], memory[4]
+    for k in range(len(t)):
+        if np.isnan(pull[k]) or np.isnan(square[k]):
+            place[k] = onward[k] = np.nan
+            continue
+        if square[k] <= 0.0:
+            ahead, speed = 0.0, 0.0
+        elif np.isnan(last):
+            ahead, speed = pull[k] / square[k], 0.0
+        else:
+            step = t[k] - last
+            turn = min(np.sqrt(square[k]), STIFFEST / step)
+            slope, rest = (pull[k] - before) / step / turn**2, before / turn**2
+            late = 2.0 * damping / turn * slope
+            off, speed = ahead - rest + late, speed - slope
+            swing, fade = turn * np.sqrt(1.0 - damping**2), np.exp(-damping * turn * step)
+            sine, cosine = np.sin(swing * step), np.cos(swing * step)
+            ahead = rest + slope * step - late + fade * (off * cosine + (speed + damping * turn * off) / swing * sine)
+            speed = slope + fade * (speed * cosine - (damping * turn * speed + turn**2 * off) / swing * sine)
+            onward[k] = pull[k] - 2.0 * damping * turn * speed - turn**2 * ahead
+        place[k] = ahead
+        before, last = pull[k], t[k]
+    memory[0], memory[1], memory[2], memory[4] = ahead, speed, before, last
+    return place, onward
