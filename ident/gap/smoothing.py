@@ -24,6 +24,12 @@ SMOOTHINGS = np.geomspace(3e-4, 2.0 * SLOWEST_SIGMOID, 15)
 TOLD = 0.05
 """Share by which a joint's mean squared error in motion must be larger with another smoothing for motion to tell."""
 
+GROWS = np.array([2.0, 5.0, 14.0])
+"""Times the slowest of them over which friction that grows with the speed does so."""
+
+FAR_MORE = 0.15
+"""Share of the squared residual that such friction beside a sharper sign must tell."""
+
 MOST_ROWS = 0.9
 """Share of the rows that must be left without logs' ends."""
 
@@ -68,20 +74,35 @@ def _inside(block: Block, ends: float) -> BoolArray:
 def _turning(model: CurrentModel, panel: Panel, counts: BoolArray, joint: int) -> tuple[Coulomb | None, float]:
     """The dry friction that predicts best, fitted to the rows that count, and their held-out error with it.
 
-    Of those between which these rows do not decide, the one that predicts all best: rests that do not count still
-    tell how well the sign is predicted as the joint creeps, but what is held there is no friction.
+    A sign that turns slowly is what a sharp one looks like that lacks friction which grows with the speed: where that
+    beside a sharper sign tells far more, it is the sharper one.
     """
     dry = DryFriction.of(model, panel, joint)
     if dry is None:
         return None, _mean_error(gap_of(model, panel, joint).bare().without(~counts).problem(panel))
     widths = SMOOTHINGS.tolist() if dry.law.presliding == 0.0 else [dry.law.smoothing]
+    law, left = _best(dry, counts, widths)
+    grows = np.tanh(panel.velocity[:, joint, None] / (GROWS * SMOOTHINGS[-1]))
+    beside = replace(dry, others=np.hstack([dry.others, grows]))
+    sharp, rest = _best(beside, counts, widths)
+    if sharp.smoothing < law.smoothing and rest < (1.0 - FAR_MORE) * left:
+        dry, law = beside, sharp
+    return law, _mean_error(dry.rows(counts, law).problem(panel))
+
+
+def _best(dry: DryFriction, counts: BoolArray, widths: Sequence[float]) -> tuple[Coulomb, float]:
+    """The dry friction that predicts best of those that turn over some speeds, and what the best of them leaves.
+
+    Of those between which the rows that count do not decide, the one that predicts all best: rests that do not count
+    still tell how well the sign is predicted as the joint creeps, but what is held there is no friction.
+    """
     laws = [replace(dry.law, smoothing=width) for width in widths]
-    problem, columns = dry.rows(counts).problem(panel), [dry.columns(law) for law in laws]
+    problem, columns = dry.rows(counts).problem(dry.panel), [dry.columns(law) for law in laws]
     left = float(problem.residual @ problem.residual)
     moving = np.array([left - problem.drop(problem.of(own)) for own in columns])
     likely = np.flatnonzero(moving <= (1.0 + TOLD) * moving.min()).tolist()
     best = min(likely, key=lambda k: float(np.sum(dry.left(problem, columns[k]) ** 2)))
-    return laws[best], _mean_error(dry.rows(counts, laws[best]).problem(panel))
+    return laws[best], float(moving.min())
 
 
 def _mean_error(problem: JointProblem) -> float:
