@@ -65,6 +65,11 @@ class Unexplained:
     depends_on: tuple[str, ...]
     share: float
 
+    @property
+    def follows_motion(self) -> bool:
+        """Whether motion tells it, or its size, and not the clock alone."""
+        return not any(signal.startswith("t ") for signal in self.depends_on)
+
 
 @dataclass(frozen=True, eq=False)
 class GapReport:

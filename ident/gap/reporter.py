@@ -33,6 +33,9 @@ from ident.gap.velocity_lag import VelocityLag
 from ident.log import JointLog, LogSource
 from ident.model import CurrentModel
 
+UNCLEAR = 0.5
+"""Share of a joint's squared residual without its touches that must be unexplained to make them doubtful, too."""
+
 SURE = 1e-6
 """Least p-value that is stated."""
 
@@ -93,7 +96,7 @@ class Reporter:
         if len(subject.model.terms) > self.start.known:
             # Rows fitted one joint at a time bend their links to a wrong gain: only those that all share show it.
             before = np.where(np.isnan(before), np.nan, left_by(self.start.model, panel.seen_by(self.start.model)))
-        if contacts:
+        if any(_clear(one, nameless) for one in contacts):
             findings.append(_contact(contacts))
         findings.sort(key=lambda f: -(f.explained or 0.0))
         self.tell(0.6)
@@ -209,6 +212,12 @@ def _delivered(findings: Sequence[Finding], model: CurrentModel, before: int) ->
 def _settling(experiments: Mapping[str, Experiment | None]) -> dict[str, str]:
     """The motion that would settle a name against each alternative of which one would."""
     return {name: e.motion for name, e in experiments.items() if e is not None and e.settles}
+
+
+def _clear(touches: Touches, nameless: Sequence[Unexplained]) -> bool:
+    """Whether touches are more than bursts of what follows the motion of all their joints, and has no name."""
+    doubtful = {j for one in nameless if one.share > UNCLEAR and one.follows_motion for j in one.joints}
+    return not set(touches.joints) <= doubtful
 
 
 def _contact(contacts: Sequence[Touches]) -> Finding:

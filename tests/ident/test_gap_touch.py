@@ -8,8 +8,10 @@ from planar_arm import NOISE, RATE, logs, motion, record, structure
 
 from ident.gap import baseline_model, find_gap
 from ident.gap.panel import Panel
+from ident.gap.report import ITS_SIZE, Unexplained
+from ident.gap.reporter import _clear
 from ident.gap.rows import panel_of
-from ident.gap.touch import _pieces, find_touches
+from ident.gap.touch import Touches, _pieces, find_touches
 
 
 def test_contact_is_cut_out_also_where_links_had_bent_to_it(arm):
@@ -113,3 +115,19 @@ def test_faint_touches_do_not_hide_those_of_several_joints(arm):
     assert find_touches(panel, survey, noise + push[:, None], nothing).episodes == 2
     # A law unknown of one joint makes both as well.
     assert find_touches(panel, survey, noise + push[:, None] * np.array([0.0, 1.0]), nothing).episodes == 0
+
+
+def test_bursts_among_much_that_follows_the_motion_are_no_contact():
+    touches = Touches(np.zeros(0, dtype=bool), (3,), 1.8, 3)
+    sticks, small, wanders, elsewhere = (
+        Unexplained((joint,), depends_on, share)
+        for joint, depends_on, share in (
+            (3, ("dq4^2" + ITS_SIZE,), 0.65),
+            (3, ("dq4",), 0.2),
+            (3, ("t (wanders)",), 0.8),
+            (2, ("q3",), 0.9),
+        )
+    )
+    assert not _clear(touches, [small, sticks])
+    assert all(_clear(touches, [one]) for one in (small, wanders, elsewhere))
+    assert _clear(Touches(touches.rows, (2, 3), 1.8, 3), [sticks])
