@@ -197,6 +197,9 @@ def _(s: Scene, j: int, a: float, rng: np.random.Generator) -> tuple[FloatArray,
 LEAST_PLAY, PLAY = 1e-4, 0.02
 """Play [rad] at least, below which it is the flanks' spring that shows, and at most, of a worn joint."""
 
+RUBS = 0.01
+"""Speed [rad/s] over which the direction of a link's friction turns."""
+
 FINE = 2e-4
 """Step [s] at which the motion of a link in its play is integrated."""
 
@@ -204,31 +207,41 @@ FINE = 2e-4
 def _knocks(s: Scene, j: int, a: float, rng: np.random.Generator) -> tuple[FloatArray, dict[str, float]]:
     """Play whose link flies through and knocks: flanks that stiffen and lose energy as Hunt and Crossley's (1975).
 
-    Up to three tenths of the joint's dry friction brake the link.
+    Up to three tenths of the joint's dry friction brake the link, at its own speed.
     """
     gap, hertz, loss = float(np.clip(1e-3 * a, LEAST_PLAY, PLAY)), rng.uniform(12.0, 40.0), rng.uniform(0.5, 4.0)
-    braked = rng.uniform(0.0, 0.3) * s.coulomb[j] * 2.0 / np.pi * np.arctan(s.dq[:, j] / 0.01)
+    brake = rng.uniform(0.0, 0.3) * s.coulomb[j]
     inertia = s.body.mass_matrix(s.q, s.parameters)[:, :, j]
     usual = float(np.median(np.abs(s.torque[:, j])))
     # Under the usual load the flanks are as stiff as a spring of that frequency.
     stiff = float(np.mean(inertia[:, j])) * (2.0 * np.pi * hertz) ** 2
     force = np.zeros_like(s.q)
     for piece in pieces(s):
-        t, load, moved = s.t[piece], s.torque[piece, j] + braked[piece], inertia[piece]
+        t, load, motor, moved = s.t[piece], s.torque[piece, j], s.dq[piece, j], inertia[piece]
+        braked = load + brake * 2.0 / np.pi * np.arctan(motor / RUBS)
         fine = np.arange(t[0], t[-1], FINE)
-        own = np.interp(fine, t, moved[:, j])
-        carried = _carried(CubicSpline(t, load)(fine), own, 0.5 * gap, stiff, usual, loss)
+        known = CubicSpline(t, load)(fine), np.interp(fine, t, motor), np.interp(fine, t, moved[:, j])
+        carried = _carried(*known, brake, 0.5 * gap, stiff, usual, loss)
         # Drives report the mean of a sampling period.
         edges = np.concatenate([[0], np.clip(np.round((t - t[0]) / FINE).astype(int), 1, len(fine))])
         sums = np.concatenate([[0.0], np.cumsum(carried)])
         mean = np.diff(sums[edges]) / np.maximum(np.diff(edges), 1)
-        mean[0] = load[0]
-        force[piece] = moved / moved[:, j : j + 1] * (mean - load)[:, None]
+        mean[0] = braked[0]
+        force[piece] = moved / moved[:, j : j + 1] * (mean - braked)[:, None]
     return force, {"gap": gap}
 
 
 @compiled
-def _carried(load: FloatArray, inertia: FloatArray, half: float, stiff: float, usual: float, loss: float) -> FloatArray:
+def _carried(
+    load: FloatArray,
+    motor: FloatArray,
+    inertia: FloatArray,
+    brake: float,
+    half: float,
+    stiff: float,
+    usual: float,
+    loss: float,
+) -> FloatArray:
     """Torque through the flanks where a link flies between them."""
     out = np.empty(len(load))
     # A force of stiff wound at the usual load, and with the power of 3/2.
@@ -238,7 +251,9 @@ def _carried(load: FloatArray, inertia: FloatArray, half: float, stiff: float, u
         side = 1.0 if place > 0.0 else -1.0
         wound = max(side * place - half, 0.0)
         out[k] = side * max(hard * wound**1.5 * (1.0 + loss * side * speed), 0.0)
-        speed += (load[k] - out[k]) / inertia[k] * FINE
+        # Friction does not turn the link round within a step.
+        rub = brake * 2.0 / np.pi * np.arctan((motor[k] - speed) / (RUBS + brake / inertia[k] * FINE))
+        speed += (load[k] + rub - out[k]) / inertia[k] * FINE
         place += speed * FINE
     return out
 
