@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
 
@@ -20,28 +21,44 @@ from ident.effects.electrical import CurrentOffset
 from ident.effects.friction import Coulomb, CoulombAsymmetry, LoadFriction, Sigmoid, Stribeck, Viscous, ViscousNonlinear
 from ident.effects.hysteresis import MaxwellSlip
 from ident.effects.rigid_body import CableSpring, Links, RotorInertia
-from ident.effects.transmission import CrossJointFriction, GearRipple
+from ident.effects.ripple import GearRipple
+from ident.effects.transmission import CrossJointFriction
 from ident.robot import Robot
 
 _COULOMB, _VISCOUS, _OFFSET, _ROTOR, _ASYMMETRY, _STRIBECK, _SIGMOID, _NONLINEAR = range(8)
 _LOAD, _CABLE, _RIPPLE, _CROSS, _SLIP = range(8, 13)
 
-ENCODED: dict[type[Effect], int] = {
-    Coulomb: _COULOMB,
-    Viscous: _VISCOUS,
-    CurrentOffset: _OFFSET,
-    RotorInertia: _ROTOR,
-    CoulombAsymmetry: _ASYMMETRY,
-    Stribeck: _STRIBECK,
-    Sigmoid: _SIGMOID,
-    ViscousNonlinear: _NONLINEAR,
-    LoadFriction: _LOAD,
-    CableSpring: _CABLE,
-    GearRipple: _RIPPLE,
-    CrossJointFriction: _CROSS,
-    MaxwellSlip: _SLIP,
+
+class Kind(NamedTuple):
+    """What the compiled loop knows of an encoded effect: the plainest form, which others of its class are not.
+
+    Attributes:
+        number: by which it goes.
+        shapes: how many shapes it reads; of any others the effect states the columns alone.
+        coefficients: how many coefficients; none stands for as many as there are.
+    """
+
+    number: int
+    shapes: int
+    coefficients: int | None = 1
+
+
+ENCODED: dict[type[Effect], Kind] = {
+    Coulomb: Kind(_COULOMB, 0),
+    Viscous: Kind(_VISCOUS, 0),
+    CurrentOffset: Kind(_OFFSET, 0),
+    RotorInertia: Kind(_ROTOR, 0),
+    CoulombAsymmetry: Kind(_ASYMMETRY, 0),
+    Stribeck: Kind(_STRIBECK, 2),
+    Sigmoid: Kind(_SIGMOID, 2),
+    ViscousNonlinear: Kind(_NONLINEAR, 1),
+    LoadFriction: Kind(_LOAD, 0),
+    CableSpring: Kind(_CABLE, 1, 2),
+    GearRipple: Kind(_RIPPLE, 1, 2),
+    CrossJointFriction: Kind(_CROSS, 2, 2),
+    MaxwellSlip: Kind(_SLIP, 1, None),
 }
-"""Number by which the compiled loop knows each encoded effect; exactly these classes, not what is derived from them."""
+"""The encoded effects; exactly these classes, not what is derived from them."""
 
 
 class Memories(list[FloatArray]):
@@ -125,24 +142,28 @@ class OneSample:
 def _known(term: Term, robot: Robot) -> bool:
     """Whether the table can hold a term; whatever is odd about one is left for its columns to complain of."""
     effect = term.effect
-    fuller = (isinstance(effect, GearRipple) and (effect.harmonics > 1 or effect.largest > 0.0)) or (
-        isinstance(effect, CableSpring) and effect.slack
-    )
-    if type(effect) not in ENCODED or fuller:
+    kind, full = ENCODED.get(type(effect)), (len(effect.shapes), len(effect.coefficients(robot)))
+    if kind is None or (len(term.shape), len(term.coefficients)) != full:
         return False
     inside = all(j is not None and 0 <= j < robot.n for j in (effect.joint, getattr(effect, "source", 0)))
-    full = (len(effect.shapes), len(effect.coefficients(robot)))
-    return inside and (len(term.shape), len(term.coefficients)) == full
+    return inside and len(_shape(term)) == kind.shapes and kind.coefficients in (None, len(term.coefficients))
 
 
 def _entry(term: Term) -> list[int]:
     """Kind, joint, other joint and length of the memory of a term."""
     effect = term.effect
-    return [ENCODED[type(effect)], effect.at, getattr(effect, "source", 0), effect.start().size]
+    return [ENCODED[type(effect)].number, effect.at, getattr(effect, "source", 0), effect.start().size]
+
+
+def _shape(term: Term) -> FloatArray:
+    """Shapes of a term, a power that is given among them."""
+    if isinstance(term.effect, Stribeck):
+        return np.array([term.effect.exponent(term.shape), term.shape[0]])
+    return term.shape
 
 
 def _values(term: Term) -> FloatArray:
-    """Width, power, shapes, coefficients of a term; of Maxwell slip the elements' displacements and forces.
+    """Width, shapes, coefficients of a term; of Maxwell slip the elements' displacements and forces.
 
     The width is the speed over which a direction turns; of one that remembers it is the displacement, with its
     exponent before.
@@ -153,9 +174,7 @@ def _values(term: Term) -> FloatArray:
     first = [getattr(effect, "smoothing", 0.0)]
     if isinstance(effect, DirectedEffect) and effect.presliding > 0.0:
         first = [effect.presliding_exponent, effect.presliding]
-    if isinstance(effect, Stribeck):
-        return np.concatenate([first, [effect.exponent(term.shape)], term.shape[:1], term.coefficients])
-    return np.concatenate([first, term.shape, term.coefficients])
+    return np.concatenate([first, _shape(term), term.coefficients])
 
 
 @compiled
