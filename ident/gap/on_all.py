@@ -69,12 +69,15 @@ class OnAll:
         searches: every joint's search.
         effect: the effect.
         before: held-out squares (n, folds) without it.
+        least: gain in log-likelihood below which, at the shapes that suit its own joint's row best, what one joint has
+            is not searched for in all rows.
     """
 
     panel: Panel
     searches: Sequence[Search]
     effect: Effect
     before: FloatArray
+    least: float = 0.0
 
     def at(self, shape: FloatArray, lawful: bool = False) -> Whole | None:
         """The effect at a shape, with any coefficients or those that its law means; None where it shows not."""
@@ -99,7 +102,10 @@ class OnAll:
         """The effect at the shape that suits all rows best."""
         effect = self.effect
         starts = self._refined() if self._is_ones else list(grid(effect.shapes))
-        best = self._climbed(self._best(starts) if self._is_ones else self.begun)
+        begun = self._best(starts) if self._is_ones else self.begun
+        if self._is_ones and (begun is None or begun.likelihood < self.least):
+            return None
+        best = self._climbed(begun)
         if best is None or best.likelihood <= 0.0 or (effect.joint is not None and at_bound(effect, best.shape)):
             return None
         any_is_its = all(effect.plain(shape) is None for shape in starts)

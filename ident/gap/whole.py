@@ -34,7 +34,8 @@ ALONE = 0.8
 """Share of the gain in likelihood from which a cause shows on one joint alone: else others bear it out."""
 
 PROMISE = 0.25
-"""Share of what the best explains at its start that another must, to be searched before it is known to be needed."""
+"""Share of what the best explains at its start that another must, to be searched before it is known to be needed; and
+share of what its joint's best effect explains, and the one that is left out, that what one joint has must, at all."""
 
 BEATS, NEARLY = 1.25, 0.98
 """What shows on one joint alone must explain so many times what its best effect does; with fewer parameters, nearly."""
@@ -60,7 +61,8 @@ def whole_effect(
             a cause of the whole robot need only explain more in all than that on its joint: the others bear it out.
     """
     judge = _Judge(panel, survey, searches, last, instead)
-    candidates = [OnAll(panel, searches, effect, judge.before) for effect in forms(survey, None, present)]
+    tried = forms(survey, None, present)
+    candidates = [OnAll(panel, searches, effect, judge.before, judge.least(effect)) for effect in tried]
     for some in _by_promise(candidates):
         found = judge.first(_ranked([w for w in in_threads(lambda one: one.searched(), some) if w is not None]))
         if found is not None:
@@ -110,6 +112,11 @@ class _Judge:
     @cached_property
     def _single(self) -> FloatArray:
         return likelihoods(self.problems, self._squares, self._best_single)
+
+    def least(self, effect: Effect) -> float:
+        """Gain in log-likelihood that what one joint has must promise: what it is held against on that joint tells."""
+        held_against = [effect.joint, None if self.instead is None else self.instead.joint]
+        return PROMISE * max((float(self._single[j]) for j in held_against if j is not None), default=0.0)
 
     def first(self, ranking: Sequence[Whole]) -> Whole | None:
         """The first cause that holds."""
