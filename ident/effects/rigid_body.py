@@ -141,8 +141,10 @@ class CableSpring(Effect):
         angle = context.motion.q[:, self.at] - shape[0]
         if self.side:
             over = self.side * shape[1] * self.half
-            beyond: FloatArray = over * (np.maximum(angle / over, 0.0) + np.log1p(np.exp(-np.abs(angle / over))))
-            return beyond[:, None]
+            reached = angle / over
+            # Not logaddexp, which warns of positions that are not known.
+            taken: FloatArray = over * (np.maximum(reached, 0.0) + np.log1p(np.exp(-np.abs(reached))))
+            return taken[:, None]
         if self.slack:
             taut: FloatArray = np.sign(angle) * np.maximum(np.abs(angle) - self._slack(shape), 0.0)
             return taut[:, None]

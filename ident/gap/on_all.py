@@ -103,7 +103,7 @@ class OnAll:
         effect = self.effect
         starts = self._refined() if self._is_ones else list(grid(effect.shapes))
         begun = self._best(starts) if self._is_ones else self.begun
-        if self._is_ones and (begun is None or begun.likelihood < self.least):
+        if begun is None or (self._is_ones and begun.likelihood < self.least):
             return None
         best = self._climbed(begun)
         if best is None or best.likelihood <= 0.0 or (effect.joint is not None and at_bound(effect, best.shape)):

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ident.arrays import BoolArray
+from ident.arrays import BoolArray, FloatArray
 from ident.effects.friction import SLOWEST_SIGMOID, Coulomb
 from ident.gap.panel import Panel
 from ident.gap.presliding import DryFriction, with_directions
@@ -81,28 +81,31 @@ def _turning(model: CurrentModel, panel: Panel, counts: BoolArray, joint: int) -
     if dry is None:
         return None, _mean_error(gap_of(model, panel, joint).bare().without(~counts).problem(panel))
     widths = SMOOTHINGS.tolist() if dry.law.presliding == 0.0 else [dry.law.smoothing]
-    law, left = _best(dry, counts, widths)
-    grows = np.tanh(panel.velocity[:, joint, None] / (GROWS * SMOOTHINGS[-1]))
-    beside = replace(dry, others=np.hstack([dry.others, grows]))
-    sharp, rest = _best(beside, counts, widths)
-    if sharp.smoothing < law.smoothing and rest < (1.0 - FAR_MORE) * left:
-        dry, law = beside, sharp
+    laws = [replace(dry.law, smoothing=width) for width in widths]
+    columns = [dry.columns(law) for law in laws]
+    best, left = _best(dry, counts, columns)
+    if best > 0:
+        grows = np.tanh(panel.velocity[:, joint, None] / (GROWS * SMOOTHINGS[-1]))
+        beside = replace(dry, others=np.hstack([dry.others, grows]))
+        sharp, rest = _best(beside, counts, columns)
+        if sharp < best and rest < (1.0 - FAR_MORE) * left:
+            dry, best = beside, sharp
+    law = laws[best]
     return law, _mean_error(dry.rows(counts, law).problem(panel))
 
 
-def _best(dry: DryFriction, counts: BoolArray, widths: Sequence[float]) -> tuple[Coulomb, float]:
-    """The dry friction that predicts best of those that turn over some speeds, and what the best of them leaves.
+def _best(dry: DryFriction, counts: BoolArray, columns: Sequence[FloatArray]) -> tuple[int, float]:
+    """Which of the laws of these columns predicts best, and what the best of them leaves of the rows that count.
 
     Of those between which the rows that count do not decide, the one that predicts all best: rests that do not count
     still tell how well the sign is predicted as the joint creeps, but what is held there is no friction.
     """
-    laws = [replace(dry.law, smoothing=width) for width in widths]
-    problem, columns = dry.rows(counts).problem(dry.panel), [dry.columns(law) for law in laws]
+    problem = dry.rows(counts).problem(dry.panel)
     left = float(problem.residual @ problem.residual)
     moving = np.array([left - problem.drop(problem.of(own)) for own in columns])
     likely = np.flatnonzero(moving <= (1.0 + TOLD) * moving.min()).tolist()
     best = min(likely, key=lambda k: float(np.sum(dry.left(problem, columns[k]) ** 2)))
-    return laws[best], float(moving.min())
+    return best, float(moving.min())
 
 
 def _mean_error(problem: JointProblem) -> float:
