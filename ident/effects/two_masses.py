@@ -53,9 +53,8 @@ def link_behind(
     if gap == 0.0 and dry == 0.0:
         ahead, onward = swings(t, pull, square, damping, memory)
         return ahead, onward, np.zeros(len(t))
-    ahead, onward, rubs = left_behind(t, pull, dq, brake, 0.5 * gap, square, damping, mean, memory)
-    rubbed = dry * np.where(real, rubs - np.tanh(dq / SMOOTHING), 0.0) if dry > 0.0 else np.zeros(len(t))
-    return ahead, onward, rubbed
+    ahead, onward, turned = left_behind(t, pull, dq, brake, 0.5 * gap, square, damping, mean, memory)
+    return ahead, onward, dry * turned
 
 
 @compiled
@@ -89,19 +88,20 @@ def left_behind(
             the stamp (not known before the first), which are brought up to date.
 
     Returns:
-        How far the motor is ahead, the acceleration of that, and the direction of the link's dry friction, (N,) each.
+        How far the motor is ahead, the acceleration of that, and the direction of the link's dry friction less that of
+        the motor's, (N,) each.
     """
-    place, onward, rubs = np.zeros(len(t)), np.zeros(len(t)), np.zeros(len(t))
+    place, onward, turned = np.zeros(len(t)), np.zeros(len(t)), np.zeros(len(t))
     ahead, speed, before, motor, last = memory[0], memory[1], memory[2], memory[3], memory[4]
     for k in range(len(t)):
         if np.isnan(pull[k]) or np.isnan(square[k]):
-            place[k] = onward[k] = rubs[k] = np.nan
+            place[k] = onward[k] = turned[k] = np.nan
             continue
-        rubs[k] = np.tanh(dq[k] / SMOOTHING)
+        ridden = np.tanh(dq[k] / SMOOTHING)
         if square[k] <= 0.0:
             ahead, speed = 0.0, 0.0
         elif np.isnan(last):
-            needed = pull[k] + brake[k] * rubs[k]
+            needed = pull[k] + brake[k] * ridden
             ahead = (half + abs(needed) / square[k]) * (1.0 if needed >= 0.0 else -1.0)
         else:
             turn = min(np.sqrt(square[k]), FASTEST / (t[k] - last))
@@ -122,11 +122,11 @@ def left_behind(
                 ahead += speed * step
                 gained = (speed - started) / step
             onward[k] = (speed - first) / (t[k] - last) if mean else gained
-            rubs[k] = rubbed / steps if mean else rub
+            turned[k] = (rubbed / steps if mean else rub) - ridden if brake[k] > 0.0 else 0.0
         place[k] = ahead
         before, motor, last = pull[k], dq[k], t[k]
     memory[0], memory[1], memory[2], memory[3], memory[4] = ahead, speed, before, motor, last
-    return place, onward, rubs
+    return place, onward, turned
 
 
 STIFFEST = 2.0

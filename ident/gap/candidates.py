@@ -157,14 +157,15 @@ def screen(panel: Panel, gate: Gate, effect: Effect, joint: int) -> Trial:
     return best
 
 
-def refine(panel: Panel, problem: JointProblem, trial: Trial, joint: int) -> Trial:
-    """Search the shape parameters around the best start, one after the other."""
+def refine(panel: Panel, problem: JointProblem, starts: Sequence[Trial], joint: int) -> Trial:
+    """Search the shape parameters of an effect around starts."""
+    first = starts[0]
 
     def drop(shape: FloatArray) -> float:
-        return problem.drop(admissible(panel, problem, trial.effect, shape, joint))
+        return problem.drop(admissible(panel, problem, first.effect, shape, joint))
 
-    shape, best = climb(drop, trial.effect.shapes, trial.shape, trial.drop)
-    return replace(trial, shape=shape, drop=best)
+    shape, best = climb(drop, first.effect.shapes, [(one.shape, one.drop) for one in starts])
+    return replace(first, shape=shape, drop=best)
 
 
 def best_start(panel: Panel, problem: JointProblem, effect: Effect, joint: int) -> Trial:
@@ -189,8 +190,7 @@ def best_shape(panel: Panel, problem: JointProblem, trial: Trial, joint: int) ->
     if len(effect.shapes) > 1:
         drop = problem.drop(admissible(panel, problem, effect, trial.shape, joint))
         starts.append(replace(trial, drop=drop))
-    found = (refine(panel, problem, start, joint) if effect.shapes else start for start in starts)
-    return max(found, key=lambda one: one.drop)
+    return refine(panel, problem, starts, joint) if effect.shapes else starts[0]
 
 
 def with_errors(panel: Panel, problem: JointProblem, trial: Trial, joint: int) -> Trial:
@@ -206,7 +206,7 @@ def best_trials(panel: Panel, survey: Survey, gate: Gate, effects: Sequence[Effe
     laws = [(trial.effect.name, *kind_of(trial.effect)) for trial in screened]
     further = list(dict.fromkeys(laws))[:SEARCHED]
     found = [
-        refine(panel, problem, trial, joint) if trial.effect.shapes and law in further else trial
+        refine(panel, problem, [trial], joint) if trial.effect.shapes and law in further else trial
         for law, trial in zip(laws, screened, strict=True)
     ]
     likely = [trial for law, trial in zip(laws, found, strict=True) if law in further]
@@ -219,7 +219,7 @@ def _fuller(panel: Panel, gate: Gate, effect: Effect, plain: Trial, joint: int) 
     begun = np.append(plain.shape, [more.starts[0] for more in effect.shapes[len(plain.shape) :]])
     columns = admissible(panel, gate.problem, effect, begun, joint)
     drops, statistics = gate.look([columns])
-    return refine(panel, gate.problem, Trial(effect, begun, float(drops[0]), float(statistics[0])), joint)
+    return refine(panel, gate.problem, [Trial(effect, begun, float(drops[0]), float(statistics[0]))], joint)
 
 
 def _held_out(trial: Trial) -> float:

@@ -1,4 +1,4 @@
-"""Search of shape parameters from a start, without derivatives."""
+"""Search of shape parameters from starts, without derivatives."""
 
 from __future__ import annotations
 
@@ -12,41 +12,57 @@ from ident.effects.base import Shape
 
 GOLDEN = 0.381966
 
-STEPS, LOOKS = 12, 40
-"""Steps of a golden section, and values that a simplex looks at for each parameter."""
+COARSE, STEPS = 6, 12
+"""Steps of a golden section that tells which of several starts, or parameters, leads where; and of one that is kept."""
+
+LOOKS, SETTLED = 40, 1e-5
+"""Values that a simplex looks at for each parameter, and share of the largest by which its corners may differ."""
 
 EDGE = 0.03
 """Length of the first simplex's edges, as shares of the parameters' ranges."""
 
 
 def climb(
-    value: Callable[[FloatArray], float], shapes: Sequence[Shape], start: FloatArray, at_start: float
+    value: Callable[[FloatArray], float], shapes: Sequence[Shape], starts: Sequence[tuple[FloatArray, float]]
 ) -> tuple[FloatArray, float]:
-    """Search shapes (k,) for the largest value around a start; return both.
+    """Search shapes (k,) for the largest value around starts, each with its own; return both.
 
-    Golden sections along one parameter after the other, as far as the neighbouring starts; several, which may be bound
-    to one another, are then moved together by a simplex (Nelder and Mead 1965).
+    Golden sections along one parameter after the other, as far as the neighbouring starts. Several, which may be bound
+    to one another, are searched so once more from the best, and then moved together by a simplex (Nelder and Mead
+    1965).
     """
-    shape, best = start.copy(), at_start
+    alone = len(shapes) < 2
+    steps = STEPS if alone else COARSE
+    best = max((_along_each(value, shapes, *start, steps) for start in starts), key=lambda one: one[1])
+    if alone:
+        return best
+    best = _along_each(value, shapes, *best, STEPS)
+    return together(value, shapes, *best) if best[1] > 0.0 else best
+
+
+def _along_each(
+    value: Callable[[FloatArray], float], shapes: Sequence[Shape], start: FloatArray, best: float, steps: int
+) -> tuple[FloatArray, float]:
+    """Search one parameter after the other from a start of that value."""
+    shape = start.copy()
 
     def along(number: int, x: float) -> float:
         moved = shape.copy()
         moved[number] = shapes[number].value(x)
         return value(moved)
 
-    for _ in range(1 if len(shapes) < 2 else 2):
-        for number, parameter in enumerate(shapes):
-            low, high = _bracket(parameter, shape[number])
-            x, found = _golden(lambda x, number=number: along(number, x), low, high)  # type: ignore[misc]
-            if found > best:
-                shape[number], best = parameter.value(x), found
-    return _together(value, shapes, shape, best) if len(shapes) > 1 and best > 0.0 else (shape, best)
+    for number, parameter in enumerate(shapes):
+        low, high = _bracket(parameter, shape[number])
+        x, found = _golden(lambda x, number=number: along(number, x), low, high, steps)  # type: ignore[misc]
+        if found > best:
+            shape[number], best = parameter.value(x), found
+    return shape, best
 
 
-def _together(
+def together(
     value: Callable[[FloatArray], float], shapes: Sequence[Shape], shape: FloatArray, best: float
 ) -> tuple[FloatArray, float]:
-    """Move all parameters at once from a shape of that value."""
+    """Move all parameters at once from a shape of that value, as long as that gains anything."""
 
     def at(x: FloatArray) -> FloatArray:
         return np.array([s.value(v) for s, v in zip(shapes, x.tolist(), strict=True)])
@@ -60,7 +76,12 @@ def _together(
         first,
         method="Nelder-Mead",
         bounds=list(zip(lower, upper, strict=True)),
-        options={"initial_simplex": np.vstack([first, corners]), "maxfev": LOOKS * len(shapes)},
+        options={
+            "initial_simplex": np.vstack([first, corners]),
+            "maxfev": LOOKS * len(shapes),
+            "xatol": np.inf,
+            "fatol": SETTLED * best,
+        },
     )
     return (at(found.x), -float(found.fun)) if -found.fun > best else (shape, best)
 
@@ -75,12 +96,12 @@ def _bracket(parameter: Shape, value: float) -> tuple[float, float]:
     return parameter.place(float(low)), parameter.place(float(high))
 
 
-def _golden(value: Callable[[float], float], low: float, high: float) -> tuple[float, float]:
+def _golden(value: Callable[[float], float], low: float, high: float, steps: int) -> tuple[float, float]:
     """Golden-section search for a maximum."""
     a, b = low, high
     x, y = a + GOLDEN * (b - a), b - GOLDEN * (b - a)
     fx, fy = value(x), value(y)
-    for _ in range(STEPS):
+    for _ in range(steps):
         if fx > fy:
             b, y, fy = y, x, fx
             x = a + GOLDEN * (b - a)

@@ -131,7 +131,7 @@ def _unfollowed(truth: Trial, rival: Trial, besides: Sequence[Trial], joined: Jo
     columns = admissible(panel, problem, rival.effect, rival.shape, gap.joint)
     now = replace(rival, drop=problem.drop(columns))
     if refined and rival.effect.shapes:
-        now = refine(panel, problem, now, gap.joint)
+        now = refine(panel, problem, [now], gap.joint)
         columns = admissible(panel, problem, rival.effect, now.shape, gap.joint)
     left = problem.left(columns)
     explained = float(problem.residual @ problem.residual)

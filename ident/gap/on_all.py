@@ -11,7 +11,7 @@ import numpy as np
 from ident.arrays import FloatArray
 from ident.effects.base import Effect
 from ident.gap.candidates import Trial, at_bound, grid, refine
-from ident.gap.climb import climb
+from ident.gap.climb import climb, together
 from ident.gap.panel import Panel
 from ident.gap.problem import JointProblem
 from ident.gap.search import RIVAL_LAW, Search
@@ -128,7 +128,10 @@ class OnAll:
             one = self.at(shape, lawful)
             return -np.inf if one is None else one.likelihood
 
-        return self.at(climb(likelihood, self.effect.shapes, best.shape, best.likelihood)[0], lawful)
+        start, shapes = (best.shape, best.likelihood), self.effect.shapes
+        # What was searched for in its own row is next to its best.
+        found = together(likelihood, shapes, *start) if self._is_ones else climb(likelihood, shapes, [start])
+        return self.at(found[0], lawful)
 
     @property
     def _is_ones(self) -> bool:
@@ -144,10 +147,11 @@ class OnAll:
         return own.shown[written]
 
     def _refined(self) -> list[FloatArray]:
-        """Shapes to which these lead in that row."""
+        """The shape to which these lead in that row, if there are any."""
         own, written = self.searches[self.effect.at], repr(self.effect)
         if written not in own.refined:
-            found = (refine(self.panel, own.problem, one, self.effect.at) for one in self._shown())
+            shown = self._shown()
+            found = [refine(self.panel, own.problem, shown, self.effect.at)] if shown else []
             own.refined[written] = [one.shape for one in found]
         return own.refined[written]
 

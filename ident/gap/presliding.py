@@ -200,7 +200,7 @@ def _late(panel: Panel, survey: Survey, gap: JointGap) -> FloatArray:
     starts = [best_start(panel, problem, law, gap.joint) for law in laws]
     if not starts:
         return np.zeros((len(panel), 0))
-    best = refine(panel, problem, max(starts, key=lambda start: start.drop), gap.joint)
+    best = refine(panel, problem, [max(starts, key=lambda start: start.drop)], gap.joint)
     return panel.columns(best.effect, best.shape, gap.joint)
 
 
@@ -230,6 +230,6 @@ def _slips(panel: Panel, survey: Survey, gap: JointGap, turned: BoolArray) -> bo
     if occasions(panel, problem.residual, turned) < SEVERAL:
         return False
     ranked = told_by(panel, survey, gap, problem, turned)[:TRIED]
-    found = [refine(panel, problem, one, gap.joint) if one.effect.shapes else one for _, one in ranked]
+    found = [refine(panel, problem, [one], gap.joint) if one.effect.shapes else one for _, one in ranked]
     best = min(found, key=lambda one: left_in(panel, problem, one, gap.joint, turned))
     return slipless(panel, gap, best)

@@ -11,6 +11,7 @@ from scipy.optimize import lsq_linear
 
 from ident.arrays import FloatArray
 from ident.effects.base import Effect, Survey
+from ident.gap.abstain import explainable
 from ident.gap.agreement import AGREES, Predicted, agrees, agrees_at_any_pace
 from ident.gap.candidates import Trial, admissible, best_trials, force_of, forms
 from ident.gap.gate import MOVING, Gate
@@ -35,8 +36,8 @@ LAW, RIVAL_LAW = 0.03, 0.15
 """No law is exact: another effect must explain more than this share of what one named before did, a rival more."""
 
 OWN, BEYOND = 0.03, 0.5
-"""Share by which a model's own friction may be wrong; share of what that explains, or leaves if that is less, that an
-effect must explain besides."""
+"""Share by which a model's own friction may be wrong; share of what that explains, or leaves to be explained if that is
+less, that an effect must explain besides."""
 
 PLAIN = 0.85
 """Share of what an effect explains that one of its limits must, to be named first."""
@@ -181,12 +182,14 @@ class Search(Beside):
     Attributes:
         gate: its surrogates, which have seen all of them.
         trials: the candidates, best first.
+        predictable: share of the squared residual that anything could explain; the rest of it is noise.
         shown: best starts, in its own row, of causes of the whole robot that this joint has, as written, if known.
-        refined: shapes to which they lead there, from which those are searched for in all rows.
+        refined: the shape to which they lead there, from which those are searched for in all rows.
     """
 
     gate: Gate
     trials: tuple[Trial, ...]
+    predictable: float = 1.0
     shown: dict[str, list[Trial]] = field(default_factory=dict)
     refined: dict[str, list[FloatArray]] = field(default_factory=dict)
 
@@ -212,7 +215,7 @@ class Search(Beside):
 
     def least(self, effect: Effect) -> float:
         """Squared residual that an effect must explain to be more than errors of what is known and named."""
-        rest = float(np.sum(self.problem.residual**2)) - self.tolerated
+        rest = max(self.predictable * float(np.sum(self.problem.residual**2)) - self.tolerated, 0.0)
         return max(self.law_error(effect), self.tolerated + BEYOND * min(self.tolerated, rest))
 
     def winner(self, panel: Panel, certain: bool = True) -> Named | None:
@@ -267,7 +270,17 @@ def search(panel: Panel, survey: Survey, gap: JointGap, named: Sequence[Named] =
     place = Beside.of(panel, gap, named)
     gate = gate_of(panel, place.problem, gap.joint)
     trials = best_trials(panel, survey, gate, effects, gap.joint)
-    return Search(gap, place.named, place.problem, place.before, gate, tuple(sorted(trials, key=penalised)))
+    found = Search(gap, place.named, place.problem, place.before, gate, tuple(sorted(trials, key=penalised)))
+    return replace(found, predictable=_predictable(panel, survey, found))
+
+
+def _predictable(panel: Panel, survey: Survey, found: Search) -> float:
+    """Share of a joint's squared residual that anything could explain; not asked where no error is tolerated."""
+    if found.tolerated == 0.0 or not any(found.gains(trial) for trial in found.trials):
+        return 1.0
+    problem = found.problem
+    by_trees = explainable(panel, survey, found.joint, problem.residual, problem.keep).share
+    return max(by_trees, 1.0 - found.best_error / found.before.total)
 
 
 def penalised(trial: Trial) -> float:

@@ -11,22 +11,14 @@ from scipy.signal import lfilter
 
 from ident.card import Drive
 from ident.effects import load_catalogue
-from ident.effects.friction import Coulomb, Stribeck
-from ident.fit import Drives, fit
-from ident.gap import baseline, baseline_model, belief, find_gap
+from ident.gap import baseline_model, belief, find_gap
 from ident.gap.candidates import Trial, kind_of
 from ident.gap.edge import edge_columns, with_less_edge
-from ident.gap.gate import Gate
 from ident.gap.joint_gap import JointGap, Named
-from ident.gap.problem import JointProblem
-from ident.gap.rests import no_rests
-from ident.gap.rows import held_of, panel_of
-from ident.gap.search import Search
-from ident.gap.smoothing import Smoothed, smoothed
+from ident.gap.rows import panel_of
 from ident.gap.velocity_lag import velocity_lag
 from ident.identification import identify
 from ident.model_file import load_model, save_model
-from ident.start import start_of
 
 PLAIN = ("coulomb", "viscous")
 
@@ -58,25 +50,6 @@ def test_a_hidden_effect_is_named_sized_and_added(arm, tmp_path):
     np.testing.assert_allclose(load_model(tmp_path, arm).predict(log), found.model.predict(log))
 
 
-def test_a_change_is_named_against_a_model_held_fixed(arm):
-    model = baseline_model(arm, logs(arm, 1))
-    found = find_gap(model, logs(arm, 4, mass=0.5), [record(arm, 9, mass=0.5)], refit=False)
-    assert found.findings[0].effect == "payload"
-    assert found.findings[0].joints == ()
-    assert found.findings[0].parameters["mass"] == pytest.approx(0.5, rel=0.2)
-    assert np.all(found.evidence.after < 0.5 * found.evidence.before)
-
-
-def test_a_term_that_a_model_lacks_is_named_before_laws_that_contain_it(arm):
-    train = logs(arm, 1)
-    model = baseline_model(arm, train)
-    effects = [t.effect for t in model.terms if not (isinstance(t.effect, Coulomb) and t.effect.joint == 1)]
-    poorer = fit(arm, effects, train, model.cutoff, Drives(model.gain, model.force_unit)).model
-    found = find_gap(poorer, train)
-    assert [(one.effect, one.joints) for one in found.findings] == [("coulomb", (1,))]
-    assert found.findings[0].parameters["force"] == pytest.approx(0.8, rel=0.05)
-
-
 def test_saturation_is_sized_although_links_have_bent_to_it(arm):
     def saturated(seed):
         log = record(arm, seed)
@@ -98,28 +71,6 @@ def test_what_only_a_name_that_is_not_believed_explains_is_unexplained(arm):
     found = structure(arm, hidden=lambda t, q, dq: 0.35 * np.tanh(dq[:, 1] / 2e-3) * (t > 37.0))
     assert found.findings == ()
     assert [one.joints for one in found.unexplained] == [(1,)]
-
-
-def test_friction_that_changed_is_named(arm):
-    model = baseline_model(arm, logs(arm, 1))
-    stiffer = logs(arm, 4, hidden=lambda t, q, dq: 0.16 * np.tanh(dq[:, 1] / 2e-3))
-    found = find_gap(model, stiffer, refit=False)
-    assert [(one.effect, one.joints) for one in found.findings] == [("coulomb", (1,))]
-    assert found.findings[0].parameters["force"] == pytest.approx(0.16, rel=0.1)
-
-
-@pytest.mark.parametrize(("change", "share"), [(0.02, 1.0), (0.2, 1.0 - 0.85**2)])
-def test_small_errors_of_a_models_own_friction_are_tolerated(change, share):
-    force = np.sign(np.sin(np.arange(2000) / 50.0))
-    keep = np.ones(2000, bool)
-    gap = JointGap(0, np.zeros((2000, 0)), change * force, keep, (), friction=force[:, None])
-    problem = JointProblem(gap.matrix, gap.target, np.arange(2000) // 500, keep)
-    gate = Gate(problem, np.array([0]), np.ones(2000))
-    found = Search(gap, (), problem, problem.errors(), gate, ())
-    square = float(gap.target @ gap.target)
-    assert found.tolerated == pytest.approx(share * square, rel=1e-3)
-    # Half of that besides, or of the rest where that is less: an effect that leaves nothing can always be named.
-    assert found.least(Stribeck(0)) == pytest.approx(min(1.5 * share, 0.5 + 0.5 * share) * square, rel=1e-3)
 
 
 def test_friction_by_load_is_sized_although_links_have_bent_to_it(arm):
@@ -185,20 +136,6 @@ def test_a_name_that_varies_is_withdrawn_and_the_others_stay_if_they_explain_eno
     monkeypatch.setattr(belief, "inconstancy", lambda panel, survey, gap, names: [varies[n.effect.name] for n in names])
     monkeypatch.setattr(belief, "_allowed", lambda panel, survey, gap, names: 0.03 if len(names) > 2 else share)
     assert [one.effect.name for one in belief.believed(None, None, None, named)] == kept
-
-
-@pytest.mark.parametrize(("name", "at"), [("filter-lag", 3.0), ("delay", 0.02)])
-@pytest.mark.parametrize(("share", "kept"), [(0.3, 0), (0.8, 1)])
-def test_a_delay_or_a_filter_of_a_part_of_the_current_is_no_name(arm, monkeypatch, name, at, share, kept):
-    train, effect, shape = logs(arm, 1), load_catalogue()[name](1), np.array([at])
-    model = baseline_model(arm, train)
-    panel = panel_of(model, train)
-    gap = held_of(model, panel, 1)
-    force = panel.columns(effect, shape, 1) @ effect.plain(shape)
-    named = Named(Trial(effect, shape, 0.0), 0.0, 0.0)
-    monkeypatch.setattr(belief, "inconstancy", lambda panel, survey, gap, names: [0.0 for _ in names])
-    monkeypatch.setattr(belief, "_allowed", lambda panel, survey, gap, names: 1.0)
-    assert len(belief.believed(panel, None, replace(gap, target=share * force), [named])) == kept
 
 
 def hunts(t, q, dq):
@@ -279,61 +216,6 @@ def test_rows_that_err_by_more_than_noise_of_the_velocity_makes_stay(arm):
     assert [one.effect for one in found.findings] == ["delay"]
 
 
-def test_cut_off_is_the_one_that_predicts_best_unless_it_is_given(arm):
-    def counted(seed):
-        log = record(arm, seed)
-        return log.replace(q=np.round(log.q / 1e-3) * 1e-3)
-
-    train = [counted(seed) for seed in (1, 2, 3)]
-    spectrum = start_of(arm, train).cutoff.hertz
-    chosen = baseline_model(arm, train)
-    assert identify(arm, train, effects=PLAIN).cutoff.hertz == chosen.cutoff
-    assert identify(arm, train, effects=PLAIN, cutoff=spectrum).cutoff.hertz == spectrum
-    given = baseline_model(arm, train, cutoff=spectrum)
-    assert given.cutoff == spectrum
-    assert chosen.cutoff < spectrum
-    errors = [np.nanmean((train[0].current - m.predict(train[0])) ** 2) for m in (chosen, given)]
-    assert errors[0] < errors[1]
-
-
-def test_the_cut_off_is_sought_beyond_a_worse_step(arm, monkeypatch):
-    model = replace(identify(arm, logs(arm, 1), effects=PLAIN).model, cutoff=20.0)
-    errors = {20.0: 0.0, 14.0: 0.5, 9.8: -1.0, 6.86: -0.99, 4.8: -0.98}
-
-    unused = baseline._Logs([], False, no_rests(2), 0.0)
-
-    def tried(model, logs):
-        return Smoothed(model, errors[round(model.cutoff, 2)], 100)
-
-    monkeypatch.setattr(baseline, "_best_velocities", tried)
-    assert baseline._followed(tried(model, unused), 0.7, unused).model.cutoff == pytest.approx(9.8)
-
-
-@pytest.mark.parametrize(("factor", "steps"), [(0.7, 0), (1.0 / 0.7, 1)])
-def test_one_joint_that_predicts_better_lifts_the_cut_off_and_does_not_lower_it(arm, monkeypatch, factor, steps):
-    model = replace(identify(arm, logs(arm, 1), effects=PLAIN).model, cutoff=10.0)
-    unused = baseline._Logs([], False, no_rests(2), 0.0)
-
-    def tried(model, logs):
-        return Smoothed(model, 0.0 if model.cutoff == 10.0 else -0.08, 100)
-
-    monkeypatch.setattr(baseline, "_best_velocities", tried)
-    found = baseline._followed(tried(model, unused), factor, unused)
-    assert found.model.cutoff == pytest.approx(10.0 * factor**steps)
-
-
-def test_rows_at_the_ends_of_logs_do_not_choose_the_cut_off(arm):
-    train = logs(arm, 1)
-    model = identify(arm, train, effects=PLAIN).model
-    spoilt = [log.replace(current=log.current + 20.0 * (log.t < 0.2)[:, None]) for log in train]
-    usual, left_out, seen = (
-        smoothed(model, sources, no_rests(2), ends).error
-        for sources, ends in ((train, 0.3), (spoilt, 0.3), (spoilt, 0.0))
-    )
-    assert left_out == pytest.approx(usual, abs=1e-6)
-    assert seen > usual + 1.0
-
-
 def test_lagging_velocities_are_named_and_left_out(arm):
     train = []
     for seed in (1, 2):
@@ -382,31 +264,6 @@ def test_a_spring_that_all_joints_feel_is_one_joints(arm):
     assert find_gap(found.model, train).findings == ()
 
 
-@pytest.mark.parametrize("law", ["delay", "filter-lag"])
-def test_a_late_current_is_told_by_what_its_law_allows(arm, law):
-    def late(seed):
-        log = record(arm, seed)
-        pole = np.exp(-2 * np.pi * 15.0 / RATE)
-        filtered = lfilter([1 - pole], [1, -pole], log.current, axis=0, zi=pole * log.current[:1])[0]
-        shifted = np.stack([np.interp(log.t - 0.01, log.t, x) for x in log.current.T], axis=1)
-        return log.replace(current=shifted if law == "delay" else filtered)
-
-    train = [late(seed) for seed in (1, 2, 3)]
-    (one,) = find_gap(baseline_model(arm, train), train).findings
-    assert (one.effect, one.joints) == (law, ())
-
-
-def test_a_lead_over_more_than_a_sample_is_no_delay(arm):
-    def early(log):
-        past = np.column_stack([np.interp(log.t - 0.1, log.t, one) for one in log.current.T])
-        return log.replace(current=log.current + 0.3 * (log.current - past))
-
-    train = [early(log) for log in logs(arm, 1)]
-    found = find_gap(baseline_model(arm, train), train)
-    assert not any(one.effect == "delay" and one.parameters["seconds"] < 0.0 for one in found.findings)
-    assert found.findings or found.unexplained
-
-
 def test_a_wrong_torque_constant_is_told_by_the_links_that_rows_share(arm):
     def wrong(log):
         return log.replace(current=log.current * np.array([1.0, 1.15]))
@@ -420,19 +277,6 @@ def test_a_wrong_torque_constant_is_told_by_the_links_that_rows_share(arm):
     np.testing.assert_allclose(found.evidence.after, NOISE * np.array([1.0, 1.15]), rtol=0.1)
     # The map shows it: rows fitted one joint at a time would bend their links to it and leave noise.
     assert np.nanmax(found.map_before.rms / found.map_after.rms) > 1.2
-
-
-def test_a_delay_that_shows_on_one_joint_most_is_borne_out_by_the_others(arm):
-    def late(seed):
-        log = record(arm, seed)
-        late = np.stack([np.interp(log.t - 0.004, log.t, x) for x in log.current.T], axis=1)
-        late[:, 0] += 0.5 * np.random.default_rng(seed).standard_normal(len(log.t))
-        return log.replace(current=late)
-
-    train = [late(seed) for seed in (1, 2, 3)]
-    (one,) = find_gap(baseline_model(arm, train), train).findings
-    assert (one.effect, one.joints) == ("delay", ())
-    assert one.parameters["seconds"] == pytest.approx(0.004, rel=0.1)
 
 
 def test_a_cable_hangs_free_at_an_angle_of_its_own(arm):

@@ -1,15 +1,21 @@
-"""Signs of velocity that are chosen anew once it is known how late the current comes."""
+"""Currents that come late: by which law, on which joints, and signs of velocity chosen anew once that is known."""
 
 from dataclasses import replace
 
 import numpy as np
-import planar_arm
 import pytest
+from planar_arm import NOISE, RATE, logs, record
+from scipy.signal import lfilter
 
+from ident.effects import load_catalogue
 from ident.effects.friction import Coulomb
 from ident.effects.timing import Delay, FilterLag
-from ident.gap import baseline_model, find_gap
+from ident.gap import baseline_model, belief, find_gap
+from ident.gap.candidates import Trial
+from ident.gap.joint_gap import Named
 from ident.gap.lateness import InTime
+from ident.gap.rows import held_of, panel_of
+from ident.log import JointLog
 
 LATE = 0.019
 
@@ -24,22 +30,22 @@ def smoothings(model):
 
 
 def test_a_late_current_does_not_blur_the_sign_of_velocity(arm):
-    train = [delayed(planar_arm.record(arm, seed)) for seed in (1, 2, 3)]
-    test = [delayed(planar_arm.record(arm, 9))]
+    train = [delayed(record(arm, seed)) for seed in (1, 2, 3)]
+    test = [delayed(record(arm, 9))]
     model = baseline_model(arm, train)
     found = find_gap(model, train, test)
     assert (smoothings(found.model) < 0.8 * smoothings(model)).all()
     (late,) = found.findings
     assert (late.effect, late.parameters["seconds"]) == ("delay", pytest.approx(LATE, rel=0.01))
     assert not found.unexplained
-    assert (found.evidence.after < 1.02 * planar_arm.NOISE).all()
+    assert (found.evidence.after < 1.02 * NOISE).all()
 
 
 def test_a_log_in_time_is_the_log_without_the_delay():
     t = np.arange(300) / 100.0
     wave = np.sin(t)[:, None] * [1.0, 2.0]
     log = replace(
-        planar_arm.JointLog(t=t, q=wave, current=np.stack([wave[:, 0], np.sin(t - LATE)], axis=1)),
+        JointLog(t=t, q=wave, current=np.stack([wave[:, 0], np.sin(t - LATE)], axis=1)),
         segment=np.repeat([0, 1], [100, 200]),
     )
     whole = InTime(log, np.array([0.0, LATE])).read().current
@@ -55,3 +61,55 @@ def test_how_late_a_current_comes_in_slow_motion():
     assert delay.lateness(np.array([0.03]), np.array([0.028])) == 0.03
     assert delay.lateness(np.array([0.005]), np.array([0.004])) == 0.004
     assert lag.lateness(np.array([10.0]), np.array([0.5])) == pytest.approx(0.5 / (20.0 * np.pi))
+
+
+@pytest.mark.parametrize("law", ["delay", "filter-lag"])
+def test_a_late_current_is_told_by_what_its_law_allows(arm, law):
+    def late(seed):
+        log = record(arm, seed)
+        pole = np.exp(-2 * np.pi * 15.0 / RATE)
+        filtered = lfilter([1 - pole], [1, -pole], log.current, axis=0, zi=pole * log.current[:1])[0]
+        shifted = np.stack([np.interp(log.t - 0.01, log.t, x) for x in log.current.T], axis=1)
+        return log.replace(current=shifted if law == "delay" else filtered)
+
+    train = [late(seed) for seed in (1, 2, 3)]
+    (one,) = find_gap(baseline_model(arm, train), train).findings
+    assert (one.effect, one.joints) == (law, ())
+
+
+def test_a_lead_over_more_than_a_sample_is_no_delay(arm):
+    def early(log):
+        past = np.column_stack([np.interp(log.t - 0.1, log.t, one) for one in log.current.T])
+        return log.replace(current=log.current + 0.3 * (log.current - past))
+
+    train = [early(log) for log in logs(arm, 1)]
+    found = find_gap(baseline_model(arm, train), train)
+    assert not any(one.effect == "delay" and one.parameters["seconds"] < 0.0 for one in found.findings)
+    assert found.findings or found.unexplained
+
+
+def test_a_delay_that_shows_on_one_joint_most_is_borne_out_by_the_others(arm):
+    def late(seed):
+        log = record(arm, seed)
+        late = np.stack([np.interp(log.t - 0.004, log.t, x) for x in log.current.T], axis=1)
+        late[:, 0] += 0.5 * np.random.default_rng(seed).standard_normal(len(log.t))
+        return log.replace(current=late)
+
+    train = [late(seed) for seed in (1, 2, 3)]
+    (one,) = find_gap(baseline_model(arm, train), train).findings
+    assert (one.effect, one.joints) == ("delay", ())
+    assert one.parameters["seconds"] == pytest.approx(0.004, rel=0.1)
+
+
+@pytest.mark.parametrize(("name", "at"), [("filter-lag", 3.0), ("delay", 0.02)])
+@pytest.mark.parametrize(("share", "kept"), [(0.3, 0), (0.8, 1)])
+def test_a_delay_or_a_filter_of_a_part_of_the_current_is_no_name(arm, monkeypatch, name, at, share, kept):
+    train, effect, shape = logs(arm, 1), load_catalogue()[name](1), np.array([at])
+    model = baseline_model(arm, train)
+    panel = panel_of(model, train)
+    gap = held_of(model, panel, 1)
+    force = panel.columns(effect, shape, 1) @ effect.plain(shape)
+    named = Named(Trial(effect, shape, 0.0), 0.0, 0.0)
+    monkeypatch.setattr(belief, "inconstancy", lambda panel, survey, gap, names: [0.0 for _ in names])
+    monkeypatch.setattr(belief, "_allowed", lambda panel, survey, gap, names: 1.0)
+    assert len(belief.believed(panel, None, replace(gap, target=share * force), [named])) == kept

@@ -1,0 +1,66 @@
+"""What has changed since a model of the two-link arm was identified, and what its own errors are."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from planar_arm import logs, record
+
+from ident.effects.friction import Coulomb, Stribeck
+from ident.fit import Drives, fit
+from ident.gap import baseline_model, find_gap
+from ident.gap.gate import Gate
+from ident.gap.joint_gap import JointGap
+from ident.gap.problem import JointProblem
+from ident.gap.search import Search
+
+
+def test_a_change_is_named_against_a_model_held_fixed(arm):
+    model = baseline_model(arm, logs(arm, 1))
+    found = find_gap(model, logs(arm, 4, mass=0.5), [record(arm, 9, mass=0.5)], refit=False)
+    assert found.findings[0].effect == "payload"
+    assert found.findings[0].joints == ()
+    assert found.findings[0].parameters["mass"] == pytest.approx(0.5, rel=0.2)
+    assert np.all(found.evidence.after < 0.5 * found.evidence.before)
+
+
+def test_a_term_that_a_model_lacks_is_named_before_laws_that_contain_it(arm):
+    train = logs(arm, 1)
+    model = baseline_model(arm, train)
+    effects = [t.effect for t in model.terms if not (isinstance(t.effect, Coulomb) and t.effect.joint == 1)]
+    poorer = fit(arm, effects, train, model.cutoff, Drives(model.gain, model.force_unit)).model
+    found = find_gap(poorer, train)
+    assert [(one.effect, one.joints) for one in found.findings] == [("coulomb", (1,))]
+    assert found.findings[0].parameters["force"] == pytest.approx(0.8, rel=0.05)
+
+
+def test_friction_that_changed_is_named(arm):
+    model = baseline_model(arm, logs(arm, 1))
+    stiffer = logs(arm, 4, hidden=lambda t, q, dq: 0.16 * np.tanh(dq[:, 1] / 2e-3))
+    found = find_gap(model, stiffer, refit=False)
+    assert [(one.effect, one.joints) for one in found.findings] == [("coulomb", (1,))]
+    assert found.findings[0].parameters["force"] == pytest.approx(0.16, rel=0.1)
+
+
+def test_a_tenth_more_damping_is_named_beside_noise(arm):
+    model = baseline_model(arm, logs(arm, 1))
+    found = find_gap(model, logs(arm, 4, hidden=lambda t, q, dq: 0.05 * dq[:, 1]), refit=False)
+    assert [(one.effect, one.joints) for one in found.findings] == [("viscous", (1,))]
+    assert found.findings[0].parameters["damping"] == pytest.approx(0.05, rel=0.1)
+
+
+@pytest.mark.parametrize(("change", "share"), [(0.02, 1.0), (0.2, 1.0 - 0.85**2)])
+def test_small_errors_of_a_models_own_friction_are_tolerated(change, share):
+    force = np.sign(np.sin(np.arange(2000) / 50.0))
+    keep = np.ones(2000, bool)
+    gap = JointGap(0, np.zeros((2000, 0)), change * force, keep, (), friction=force[:, None])
+    problem = JointProblem(gap.matrix, gap.target, np.arange(2000) // 500, keep)
+    gate = Gate(problem, np.array([0]), np.ones(2000))
+    found = Search(gap, (), problem, problem.errors(), gate, ())
+    square = float(gap.target @ gap.target)
+    assert found.tolerated == pytest.approx(share * square, rel=1e-3)
+    # Half of that besides, or of the rest where that is less: an effect that leaves nothing can always be named.
+    assert found.least(Stribeck(0)) == pytest.approx(min(1.5 * share, 0.5 + 0.5 * share) * square, rel=1e-3)
+    # Noise is nothing that an effect could leave.
+    noisy = replace(found, predictable=0.5)
+    assert noisy.least(Stribeck(0)) == pytest.approx(max(0.25 + 0.5 * share, share) * square, rel=1e-3)
