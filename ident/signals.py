@@ -31,8 +31,9 @@ __all__ = [
     "zero_phase_gain",
 ]
 
-NEGLIGIBLE_JITTER = 0.01
-"""Deviation from a uniform grid, as a share of the step, below which stamps count as uniform."""
+NEGLIGIBLE_JITTER = 1e-6
+"""Deviation from a uniform grid, as a share of the step, below which it is rounding: differentiated twice along stamps
+that jitter by half a hundredth, what was filtered as if uniform shook accelerations by 1 rad/s^2."""
 LATE_ROWS, CATCHES_UP = 3, 1.5
 """Rows one after the other at most that may be late, and times the step before that the step after them then is."""
 DECIMATION_ORDER = 8

@@ -93,7 +93,7 @@ def test_derivative_of_a_single_row_is_unknown():
     assert np.isnan(differentiate(np.zeros(1), np.zeros((1, 2)))).all()
 
 
-@pytest.mark.parametrize("jitter", [0.0, 0.3])
+@pytest.mark.parametrize("jitter", [0.0, 0.003, 0.3])
 def test_zero_phase_motion_has_no_lag(jitter):
     log, (q, dq, ddq) = sine_log(jitter=jitter)
     motion = derive(log, CUTOFF)
