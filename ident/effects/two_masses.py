@@ -97,11 +97,11 @@ def left_behind(
         if np.isnan(pull[k]) or np.isnan(square[k]):
             place[k] = onward[k] = turned[k] = np.nan
             continue
-        ridden = np.tanh(dq[k] / SMOOTHING)
+        of_motor = np.tanh(dq[k] / SMOOTHING)
         if square[k] <= 0.0:
             ahead, speed = 0.0, 0.0
         elif np.isnan(last):
-            needed = pull[k] + brake[k] * ridden
+            needed = pull[k] + brake[k] * of_motor
             ahead = (half + abs(needed) / square[k]) * (1.0 if needed >= 0.0 else -1.0)
         else:
             turn = min(np.sqrt(square[k]), FASTEST / (t[k] - last))
@@ -122,7 +122,7 @@ def left_behind(
                 ahead += speed * step
                 gained = (speed - started) / step
             onward[k] = (speed - first) / (t[k] - last) if mean else gained
-            turned[k] = (rubbed / steps if mean else rub) - ridden if brake[k] > 0.0 else 0.0
+            turned[k] = (rubbed / steps if mean else rub) - of_motor if brake[k] > 0.0 else 0.0
         place[k] = ahead
         before, motor, last = pull[k], dq[k], t[k]
     memory[0], memory[1], memory[2], memory[3], memory[4] = ahead, speed, before, motor, last
