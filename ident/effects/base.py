@@ -150,6 +150,7 @@ class Survey:
         holds: force (n,) that dry friction holds of a joint that stands, in the model's force unit.
         cutoff: of the filter that derives velocity and acceleration [Hz].
         inertia: mean inertia (n,) of the links that each joint moves, in the model's force unit per rad/s^2 or m/s^2.
+        motor: what of it (n,) is the motors', since links as fitted have it and those of the URDF have not.
     """
 
     robot: Robot
@@ -169,6 +170,7 @@ class Survey:
     holds: FloatArray
     cutoff: float
     inertia: FloatArray
+    motor: FloatArray
 
 
 @dataclass(frozen=True)

@@ -133,12 +133,15 @@ class Backlash(Effect):
         flies: whether the link flies through the gap, or friction holds it.
         everywhere: whether a knock is felt in all rows or in its own alone, as where other joints' drives yield to it.
         dry: the joint's dry friction, of which a share may brake a link that flies; nought where none does.
+        motor: inertia of the joint that its links do not have by the URDF, nought where that is next to none. It is
+            the motor's, which no gap carries: when the load of a link that flies changes sides depends on it.
     """
 
     falls: bool = True
     flies: bool = False
     everywhere: bool = False
     dry: float = 0.0
+    motor: float = 0.0
 
     name = "backlash"
     family = "hysteresis"
@@ -150,11 +153,12 @@ class Backlash(Effect):
     @classmethod
     def candidates(cls, survey: Survey, joint: int | None) -> list[Effect]:
         """Try a link that is held or flies and, as a cause of the whole robot that one joint has, one that flies."""
+        dry, motor = survey.holds.tolist(), survey.motor.tolist()
         if joint is None:
-            dry = survey.holds.tolist()
-            return [cls(k, flies=True, everywhere=True, dry=dry[k]) for k in range(survey.robot.n)]
+            every = range(survey.robot.n)
+            return [cls(k, flies=True, everywhere=True, dry=dry[k], motor=motor[k]) for k in every]
         held: list[Effect] = [cls(joint, falls) for falls in (True, False)]
-        return [*held, cls(joint, flies=True, dry=float(survey.holds[joint]))]
+        return [*held, cls(joint, flies=True, dry=dry[joint], motor=motor[joint])]
 
     @property
     def softens(self) -> bool:
@@ -168,13 +172,17 @@ class Backlash(Effect):
 
     @property
     def shapes(self) -> tuple[Shape, ...]:
-        """Return the gap and, of a link that flies, its ringing on a flank and the share of dry friction on it."""
+        """Return the gap and, of a link that flies, its ringing on a flank and what of the joint is its, or is not."""
         if not self.flies:
             return (Shape("gap", "{angle}", 2e-5, 2e-2, (1e-3, 2e-4, 4e-3)),)
         gap = Shape("gap", "{angle}", 2e-5, 5e-2, tuple(np.geomspace(6e-5, 3e-2, 16).tolist()))
         hertz = Shape("hertz", "Hz", 5.0, 100.0, (18.0,), ends=(True, False))
         damping = Shape("damping", "1", 0.02, 2.0, (0.3,), ends=(False, False))
-        return (gap, hertz, damping, LINK_FRICTION) if self.dry > 0.0 else (gap, hertz, damping)
+        braked = (LINK_FRICTION,) if self.dry > 0.0 else ()
+        motor = Shape(
+            "motor_inertia", "{current} s^2/{angle}", 0.0, 2.0 * self.motor, (self.motor,), False, (False, False)
+        )
+        return (gap, hertz, damping, *braked, *((motor,) if self.motor > 0.0 else ()))
 
     def coefficients(self, robot: Robot) -> tuple[Coefficient, ...]:
         """Return the share of the load that is missing inside the gap.
@@ -200,13 +208,16 @@ class Backlash(Effect):
         """Return what forces lack as the link flies."""
         gap, hertz, damping = shape[:3].tolist()
         dry = float(shape[3]) * self.dry if self.dry > 0.0 else 0.0
+        motor = float(shape[-1]) if self.motor > 0.0 else 0.0
         inertia = context.inertia[:, :, self.at]
-        stiffness = (2.0 * np.pi * hertz) ** 2 * inertia[:, self.at]
-        _, ahead, rubbed = link_behind(context, self.at, stiffness, damping, dry, memory, gap, mean=True)
+        own = np.maximum(inertia[:, self.at] - motor, 0.0)
+        stiffness = (2.0 * np.pi * hertz) ** 2 * own
+        _, ahead, rubbed = link_behind(context, self.at, stiffness, damping, dry, memory, gap, mean=True, motor=motor)
+        felt = rubbed - own * ahead
         if not self.everywhere:
-            return (rubbed - inertia[:, self.at] * ahead)[:, None]
+            return felt[:, None]
         short: FloatArray = -inertia * ahead[:, None]
-        short[:, self.at] += rubbed
+        short[:, self.at] = felt
         return short[:, :, None]
 
 

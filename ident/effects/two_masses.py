@@ -28,6 +28,7 @@ def link_behind(
     memory: FloatArray,
     gap: float = 0.0,
     mean: bool = False,
+    motor: float = 0.0,
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Follow a joint's link behind its motor, both as the model knows them.
 
@@ -40,15 +41,18 @@ def link_behind(
         memory: what two masses remember.
         gap: play between them.
         mean: whether accelerations and friction are means since the sample before.
+        motor: what of the joint's own inertia is its motor's, which nothing between motor and link carries.
 
     Returns:
         How far the motor is ahead, the acceleration of that, and the force by which the link's friction differs from
         what it would be at the motor's speed, (N,) each. They are nought where fitted links have no inertia.
     """
-    own, motion = context.inertia[:, joint, joint], context.motion
+    motion, load = context.motion, context.needed("load", "two masses")[:, joint]
+    own = np.maximum(context.inertia[:, joint, joint] - motor, 0.0)
     real, dq = own > 0.0, np.ascontiguousarray(motion.dq[:, joint])
     per_own = np.divide(1.0, own, out=np.zeros_like(own), where=real)
-    pull, t = context.needed("load", "two masses")[:, joint] * per_own, np.ascontiguousarray(motion.t)
+    carried = load - motor * motion.ddq[:, joint] if motor > 0.0 else load
+    pull, t = carried * per_own, np.ascontiguousarray(motion.t)
     brake, square = dry * per_own, stiffness * per_own
     if gap == 0.0 and dry == 0.0:
         ahead, onward = swings(t, pull, square, damping, memory)

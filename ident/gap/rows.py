@@ -27,6 +27,10 @@ DRY = ("coulomb", "sigmoid", "stribeck", "maxwell-slip", "cross-joint-friction")
 OF_SPEED = ("viscous", "viscous-nonlinear")
 """Effects whose force is nought at rest and grows with speed."""
 
+ALONE, LEAST_MOTOR, MOST_MOTOR = 0.05, 0.05, 0.9
+"""Share of a joint's squared acceleration that its load must not follow, to tell a motor's inertia from the links'; and
+shares of the joint's inertia from which on that is looked for, and that it is taken for at most."""
+
 
 def panel_of(model: CurrentModel, sources: Sequence[LogSource], limit: int = ROWS) -> Panel:
     """Gather rows of logs, with what effects see of them under the model; folds are logs, or parts of few logs.
@@ -77,6 +81,7 @@ def survey_of(model: CurrentModel, panel: Panel) -> Survey:
         holds=dry,
         cutoff=model.cutoff,
         inertia=panel.inertia,
+        motor=_motor(model, panel),
     )
 
 
@@ -130,3 +135,20 @@ def _per_newton_metre(model: CurrentModel, panel: Panel) -> FloatArray:
         square = float(nominal[:, j] @ nominal[:, j])
         ratio[j] = float(nominal[:, j] @ load[:, j]) / square if square > 0 else 1.0
     return ratio
+
+
+def _motor(model: CurrentModel, panel: Panel) -> FloatArray:
+    """What of each joint's inertia (n,) is its motor's: a force by its acceleration that the URDF's links lack.
+
+    Those are taken to be right but for the gain. Nought where it is too little, and of a joint whose load is little
+    but its inertia, of which the gain is not told apart.
+    """
+    robot, motion, load = model.robot, panel.motion, panel.seen("load")
+    nominal = robot.rigid_body.inverse_dynamics(motion.q, motion.dq, motion.ddq, robot.multibody.parameters)
+    motor = np.zeros(robot.n)
+    for j in np.flatnonzero(panel.inertia > 0.0).tolist():
+        ddq, links = motion.ddq[:, j], nominal[:, j]
+        alone = ddq - links * (links @ ddq) / max(float(links @ links), 1e-300)
+        if alone @ alone > ALONE * (ddq @ ddq):
+            motor[j] = (alone @ load[:, j]) / (alone @ alone)
+    return np.where(motor > LEAST_MOTOR * panel.inertia, np.minimum(motor, MOST_MOTOR * panel.inertia), 0.0)

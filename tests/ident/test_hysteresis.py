@@ -110,6 +110,28 @@ def test_a_link_that_flies_is_two_masses_with_a_dead_zone_between(vs060, braked)
     assert 5 < free.sum() < 200
 
 
+def test_a_link_that_flies_does_not_carry_the_motors_inertia(vs060):
+    t, joint, shape = np.arange(500) * 0.004, 2, [4e-3, 20.0, 0.25]
+    q, dq, ddq = np.full((3, len(t), 6), 0.4)
+    dq[:], ddq[:] = 0.0, 0.0
+    q[:, joint], dq[:, joint], ddq[:, joint] = np.sin(5.0 * t), 5.0 * np.cos(5.0 * t), -25.0 * np.sin(5.0 * t)
+    motion, links = Motion(t, q, dq, ddq), np.tile(vs060.multibody.parameters, (6, 1))
+    motor = 0.6 * float(vs060.rigid_body.mass_matrix(q, links)[:, joint, joint].mean())
+    # Fitted from its own row alone, the joint's link has the motor's inertia, too.
+    fitted = links.copy()
+    fitted[joint, 10 * joint + 4 : 10 * joint + 7] += motor
+    columns = []
+    for effect, parameters, known in (
+        (Backlash(joint, flies=True, everywhere=True), links, shape),
+        (Backlash(joint, flies=True, everywhere=True, motor=motor), fitted, [*shape, motor]),
+        (Backlash(joint, flies=True, everywhere=True), fitted, shape),
+    ):
+        load = vs060.rigid_body.inverse_dynamics(q, dq, ddq, parameters)
+        columns.append(effect.columns(Context(vs060, motion, load, parameters), np.array(known), effect.start()))
+    np.testing.assert_allclose(columns[1], columns[0], atol=1e-6 * np.abs(columns[0]).max())
+    assert np.std(columns[2] - columns[0]) > 0.3 * np.std(columns[0])
+
+
 def test_links_of_no_inertia_leave_nothing_that_flies(vs060):
     rng = np.random.default_rng(0)
     motion = Motion(np.arange(50) * 0.01, *rng.standard_normal((3, 50, 6)))
