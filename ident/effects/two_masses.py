@@ -51,8 +51,7 @@ def link_behind(
     own = np.maximum(context.inertia[:, joint, joint] - motor, 0.0)
     real, dq = own > 0.0, np.ascontiguousarray(motion.dq[:, joint])
     per_own = np.divide(1.0, own, out=np.zeros_like(own), where=real)
-    carried = load - motor * motion.ddq[:, joint] if motor > 0.0 else load
-    pull, t = carried * per_own, np.ascontiguousarray(motion.t)
+    pull, t = (load - motor * motion.ddq[:, joint]) * per_own, np.ascontiguousarray(motion.t)
     brake, square = dry * per_own, stiffness * per_own
     if gap == 0.0 and dry == 0.0:
         ahead, onward = swings(t, pull, square, damping, memory)
@@ -126,7 +125,7 @@ def left_behind(
                 ahead += speed * step
                 gained = (speed - started) / step
             onward[k] = (speed - first) / (t[k] - last) if mean else gained
-            turned[k] = (rubbed / steps if mean else rub) - of_motor if brake[k] > 0.0 else 0.0
+            turned[k] = (rubbed / steps if mean else rub) - of_motor
         place[k] = ahead
         before, motor, last = pull[k], dq[k], t[k]
     memory[0], memory[1], memory[2], memory[3], memory[4] = ahead, speed, before, motor, last

@@ -85,7 +85,7 @@ def _could_replace(panel: Panel, beside: Beside, old: Named, trial: Trial) -> bo
 
 def _again(panel: Panel, beside: Beside, trial: Trial) -> Trial:
     now = replace(trial, drop=beside.problem.drop(beside.columns(panel, trial)))
-    return refine(panel, beside.problem, [now], beside.joint) if trial.effect.shapes else now
+    return refine(panel, beside.problem, [now], beside.joint)
 
 
 def _pruned(panel: Panel, gap: JointGap, named: list[Named]) -> list[Named]:

@@ -158,7 +158,7 @@ def screen(panel: Panel, gate: Gate, effect: Effect, joint: int) -> Trial:
 
 
 def refine(panel: Panel, problem: JointProblem, starts: Sequence[Trial], joint: int) -> Trial:
-    """Search the shape parameters of an effect around starts."""
+    """Search the shape parameters of an effect, if it has any, around starts."""
     first = starts[0]
 
     def drop(shape: FloatArray) -> float:
@@ -190,7 +190,7 @@ def best_shape(panel: Panel, problem: JointProblem, trial: Trial, joint: int) ->
     if len(effect.shapes) > 1:
         drop = problem.drop(admissible(panel, problem, effect, trial.shape, joint))
         starts.append(replace(trial, drop=drop))
-    return refine(panel, problem, starts, joint) if effect.shapes else starts[0]
+    return refine(panel, problem, starts, joint)
 
 
 def with_errors(panel: Panel, problem: JointProblem, trial: Trial, joint: int) -> Trial:
@@ -206,7 +206,7 @@ def best_trials(panel: Panel, survey: Survey, gate: Gate, effects: Sequence[Effe
     laws = [(trial.effect.name, *kind_of(trial.effect)) for trial in screened]
     further = list(dict.fromkeys(laws))[:SEARCHED]
     found = [
-        refine(panel, problem, [trial], joint) if trial.effect.shapes and law in further else trial
+        refine(panel, problem, [trial], joint) if law in further else trial
         for law, trial in zip(laws, screened, strict=True)
     ]
     likely = [trial for law, trial in zip(laws, found, strict=True) if law in further]

@@ -230,6 +230,6 @@ def _slips(panel: Panel, survey: Survey, gap: JointGap, turned: BoolArray) -> bo
     if occasions(panel, problem.residual, turned) < SEVERAL:
         return False
     ranked = told_by(panel, survey, gap, problem, turned)[:TRIED]
-    found = [refine(panel, problem, [one], gap.joint) if one.effect.shapes else one for _, one in ranked]
+    found = [refine(panel, problem, [one], gap.joint) for _, one in ranked]
     best = min(found, key=lambda one: left_in(panel, problem, one, gap.joint, turned))
     return slipless(panel, gap, best)

@@ -250,7 +250,7 @@ def _told(panel: Panel, survey: Survey, gap: JointGap, rest: BoolArray, usual: f
         # The best start may be a little off, and the shortest displacement that is begun with is no shortest yet.
         if place > 0 and left >= least:
             break
-        searched = start.effect.shapes and (place == 0 or start.effect.family == "hysteresis")
+        searched = place == 0 or start.effect.family == "hysteresis"
         found = refine(panel, problem, [start], gap.joint) if searched else start
         enough = left < least or left_in(panel, problem, found, gap.joint, rest) < least
         if enough and not slipless(panel, gap, found):

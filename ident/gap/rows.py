@@ -61,6 +61,8 @@ def survey_of(model: CurrentModel, panel: Panel) -> Survey:
         if term.effect.name in OF_SPEED:
             force = panel.columns(term.effect, term.shape, term.effect.at) @ term.coefficients
             viscous[term.effect.at] += np.abs(force).mean()
+    motion = panel.motion
+    nominal = robot.rigid_body.inverse_dynamics(motion.q, motion.dq, motion.ddq, robot.multibody.parameters)
     stamps = [(float(block.motion.t[0]), float(block.motion.t[-1])) for block in panel.blocks]
     since, last = min(start for start, _ in stamps), max(end for _, end in stamps)
     return Survey(
@@ -72,7 +74,7 @@ def survey_of(model: CurrentModel, panel: Panel) -> Survey:
         friction=dry + viscous,
         viscous=np.clip(viscous / np.maximum(dry + viscous, 1e-12), 0.0, 1.0),
         largest=np.abs(panel.seen("total")).max(axis=0),
-        per_newton_metre=_per_newton_metre(model, panel),
+        per_newton_metre=_per_newton_metre(model, panel, nominal),
         since=since,
         logged=min(sum(end - start for start, end in stamps) / max(last - since, 1e-9), 1.0),
         rate=model.rate,
@@ -81,7 +83,7 @@ def survey_of(model: CurrentModel, panel: Panel) -> Survey:
         holds=dry,
         cutoff=model.cutoff,
         inertia=panel.inertia,
-        motor=_motor(model, panel),
+        motor=_motor(panel, nominal),
     )
 
 
@@ -123,31 +125,28 @@ def left_by(model: CurrentModel, panel: Panel) -> FloatArray:
     return np.stack([held_of(model, panel, j).target for j in range(model.n)], axis=1)
 
 
-def _per_newton_metre(model: CurrentModel, panel: Panel) -> FloatArray:
-    """Force units per N m: one where gains are known, else how the links' load compares with the URDF's."""
+def _per_newton_metre(model: CurrentModel, panel: Panel, nominal: FloatArray) -> FloatArray:
+    """Force units per N m: one where gains are known, else how the links' load compares with the URDF's (N, n)."""
     robot = model.robot
     if model.force_unit == NEWTON_METRE:
         return np.ones(robot.n)
     ratio = np.ones(robot.n)
-    motion, load = panel.motion, panel.seen("load")
-    nominal = robot.rigid_body.inverse_dynamics(motion.q, motion.dq, motion.ddq, robot.multibody.parameters)
+    load = panel.seen("load")
     for j in range(robot.n):
         square = float(nominal[:, j] @ nominal[:, j])
         ratio[j] = float(nominal[:, j] @ load[:, j]) / square if square > 0 else 1.0
     return ratio
 
 
-def _motor(model: CurrentModel, panel: Panel) -> FloatArray:
+def _motor(panel: Panel, nominal: FloatArray) -> FloatArray:
     """What of each joint's inertia (n,) is its motor's: a force by its acceleration that the URDF's links lack.
 
-    Those are taken to be right but for the gain. Nought where it is too little, and of a joint whose load is little
-    but its inertia, of which the gain is not told apart.
+    Their load (N, n) is taken to be right but for the gain. Nought where it is too little, and of a joint whose load is
+    little but its inertia, of which the gain is not told apart.
     """
-    robot, motion, load = model.robot, panel.motion, panel.seen("load")
-    nominal = robot.rigid_body.inverse_dynamics(motion.q, motion.dq, motion.ddq, robot.multibody.parameters)
-    motor = np.zeros(robot.n)
+    load, motor = panel.seen("load"), np.zeros(panel.robot.n)
     for j in np.flatnonzero(panel.inertia > 0.0).tolist():
-        ddq, links = motion.ddq[:, j], nominal[:, j]
+        ddq, links = panel.motion.ddq[:, j], nominal[:, j]
         alone = ddq - links * (links @ ddq) / max(float(links @ links), 1e-300)
         if alone @ alone > ALONE * (ddq @ ddq):
             motor[j] = (alone @ load[:, j]) / (alone @ alone)
