@@ -69,6 +69,7 @@ def fit(
     progress: Callable[[float], None] | None = None,
     shapes: Sequence[FloatArray] | None = None,
     counts: Counts | None = None,
+    spread: bool = True,
 ) -> Fit:
     """Fit effects to logs.
 
@@ -86,6 +87,7 @@ def fit(
         shapes: shape parameters of each effect, which are then kept instead of searched. Those of effects that depend
             on the fitted model are searched from there: they were found with another model.
         counts: which joints' rows are learnt from; all where not given.
+        spread: whether standard deviations are asked for; without, they and the covariance are NaN.
     """
     tell = progress or (lambda share: None)
     held = collect(sources, cutoff)
@@ -109,11 +111,13 @@ def fit(
         factors = factorise(design, rows(number), huber(design, solution))
         solution = solve(design, factors)
     fitted = with_coefficients(design, solution.parameters)
-    spread = covariance(fitted, design, solution, held)
-    spread *= kept_rows(held) / max(factors.rows, 1)
-    model = CurrentModel(robot, with_std(design, fitted, spread), cutoff, rate, drives.gain, drives.force_unit)
+    if spread:
+        scatter = covariance(fitted, design, solution, held) * kept_rows(held) / max(factors.rows, 1)
+    else:
+        scatter = np.full((len(solution.parameters) + sum(len(t.shape) for t in fitted),) * 2, np.nan)
+    model = CurrentModel(robot, with_std(design, fitted, scatter), cutoff, rate, drives.gain, drives.force_unit)
     tell(1.0)
-    return Fit(model, design, solution, factors, spread)
+    return Fit(model, design, solution, factors, scatter)
 
 
 def settle(

@@ -59,7 +59,7 @@ def stepwise_bic(joint: JointLibrary) -> list[int]:
     rows = len(joint.problem)
 
     def criterion(problem: JointProblem, columns: FloatArray) -> float:
-        squares = problem.errors(columns).fitted
+        squares = float(np.sum(problem.left(columns) ** 2))
         return float(rows * math.log(max(squares, 1e-300) / rows) + columns.shape[1] * math.log(rows))
 
     return _forward(joint, criterion)

@@ -5,9 +5,11 @@ from __future__ import annotations
 import itertools
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
+import numpy.typing as npt
 
 from ident.arrays import FloatArray
 from ident.effects.base import Coefficient, Context, Effect, Shape, Survey
@@ -100,7 +102,7 @@ class GearRipple(Effect):
         """The load, where the ripple grows with it."""
         return ("load",) if self.largest > 0.0 else ()
 
-    @property
+    @cached_property
     def shapes(self) -> tuple[Shape, ...]:
         """Return the repeats a turn of the joint and, of one there only in motion, the speed over which it comes up."""
         starts = tuple(np.arange(np.floor(self.fewest) + 1.0, self.most, self.step).tolist())
@@ -131,10 +133,7 @@ class GearRipple(Effect):
 
     def columns(self, context: Context, shape: FloatArray, memory: FloatArray) -> FloatArray:
         """Return sine and cosine of multiples of per_turn times the angle; the same times the load's size."""
-        phases = [k * shape[0] * context.motion.q[:, self.at] for k in range(1, self.harmonics + 1)]
-        return self._full(
-            context, np.stack([wave(phase) for phase in phases for wave in (np.sin, np.cos)], axis=1), shape
-        )
+        return self._full(context, self._waves(np.exp(1j * shape[0] * context.motion.q[:, self.at])), shape)
 
     def sweep(self, context: Context, shapes: FloatArray) -> Iterator[FloatArray]:
         """Yield sine and cosine at each of several repeats a turn; evenly spaced ones by turning one phasor on."""
@@ -144,9 +143,7 @@ class GearRipple(Effect):
             return
         wave, onward = (np.exp(1j * turns * angle) for turns in (per_turn[0], per_turn[1] - per_turn[0]))
         for shape in shapes:
-            powers = itertools.accumulate([wave] * self.harmonics, np.multiply)
-            waves = np.stack([part for power in powers for part in (power.imag, power.real)], axis=1)
-            yield self._full(context, waves, shape)
+            yield self._full(context, self._waves(wave), shape)
             wave = wave * onward
 
     def gradient(self, context: Context, shape: FloatArray) -> FloatArray:
@@ -162,6 +159,11 @@ class GearRipple(Effect):
         here = np.tanh(over)
         per_wave = np.divide(-over * (1.0 - here**2), here * shape[1], out=np.zeros_like(over), where=here > 0.0)
         return np.stack([by_turns, self.columns(context, shape, self.start()) * per_wave[:, None]])
+
+    def _waves(self, wave: npt.NDArray[np.complex128]) -> FloatArray:
+        """Sine and cosine (N, k) of each harmonic, as powers of the first (N,)."""
+        powers = itertools.accumulate([wave] * self.harmonics, np.multiply)
+        return np.stack([part for power in powers for part in (power.imag, power.real)], axis=1)
 
     def _full(self, context: Context, waves: FloatArray, shape: FloatArray) -> FloatArray:
         """Waves (N, k) as far as the joint turns and, where they grow with the load, times its size, too (N, 2 k)."""

@@ -108,7 +108,7 @@ def sweep(
     for everywhere in panel.sweep(effect, shapes, joint):
         columns = problem.of(everywhere)
         told = bool(effect.shapes) and columns is not everywhere
-        shown = largest(columns) >= TAIL * largest(everywhere) if told else None
+        shown = largest(columns) >= TAIL * largest(problem.left_out_of(everywhere)) if told else None
         used = usable(panel, problem, effect, columns, shown)
         yield columns if used.all() else columns[:, used]
 

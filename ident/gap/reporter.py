@@ -81,18 +81,21 @@ class Reporter:
         self.tell(0.0)
         subject, panel, survey = self.subject, self.subject.panel, self.subject.survey
         findings = [self._whole_finding(w, causes.gaps[w.joint], causes.named[w.joint]) for w in causes.wholes]
-        nameless: list[Unexplained] = []
         errors = mistimed(subject.model, panel, survey)
         before, after = (np.full((len(panel), subject.model.n), np.nan) for _ in range(2))
         problems = []
-        for gap, names, doubted in zip(causes.gaps, causes.named, causes.doubted, strict=True):
+        for gap, names in zip(causes.gaps, causes.named, strict=True):
             # Before causes of the whole robot were taken away.
             plain = replace(gap, target=subject.gaps[gap.joint].target).problem(panel)
             full = gap.problem(panel, [n.trial for n in names])
             problems.append(plain)
             before[plain.keep, gap.joint], after[full.keep, gap.joint] = plain.residual, full.residual
             findings += [self._joint_finding(gap, names, one, plain.errors().total) for one in names]
-            nameless += unexplained(panel, survey, gap, names, doubted, errors[:, gap.joint])
+        left = in_threads(
+            lambda j: unexplained(panel, survey, causes.gaps[j], causes.named[j], causes.doubted[j], errors[:, j]),
+            range(len(causes.gaps)),
+        )
+        nameless = list(chain(*left))
         if len(subject.model.terms) > self.start.known:
             # Rows fitted one joint at a time bend their links to a wrong gain: only those that all share show it.
             before = np.where(np.isnan(before), np.nan, left_by(self.start.model, panel.seen_by(self.start.model)))
@@ -103,7 +106,8 @@ class Reporter:
         missing = untestable(panel, survey, causes.gaps, problems)
         terms = [finding.terms for finding in findings]
         models = in_threads(
-            lambda k: subject.fitted(subject.model, list(chain(*terms[: k + 1]))), range(len(terms))
+            lambda k: subject.fitted(subject.model, list(chain(*terms[: k + 1])), spread=k == len(terms) - 1),
+            range(len(terms)),
         )  # fmt: skip
         if models:
             findings = _delivered(findings, models[-1], len(subject.model.terms))

@@ -21,6 +21,7 @@ from ident.gap.problem import JointProblem
 from ident.gap.rows import gap_of, panel_of, survey_of
 from ident.gap.spectrum import spectral_line
 from ident.gap.standing import lasts, stands
+from ident.gap.threads import in_threads
 from ident.gap.unsure import shaken, turning
 from ident.log import LogSource
 from ident.model import CurrentModel
@@ -166,9 +167,9 @@ def noise_at_turns(model: CurrentModel, panel: Panel, survey: Survey) -> FloatAr
 
 def in_company(asks: Callable[[JointGap, float], bool], gaps: Sequence[JointGap], times: FloatArray) -> BoolArray:
     """Joints (n,) of which it is true with so many times (n,), or with fewer where it is of several."""
-    found = [asks(gap, float(one)) for gap, one in zip(gaps, times, strict=True)]
+    found = in_threads(lambda gap: asks(gap, float(times[gap.joint])), gaps)
     if np.mean(found) >= TOGETHER[0]:
-        found = [one or asks(gap, TOGETHER[1]) for one, gap in zip(found, gaps, strict=True)]
+        found = in_threads(lambda gap: found[gap.joint] or asks(gap, TOGETHER[1]), gaps)
     return np.array(found, dtype=bool)
 
 

@@ -14,6 +14,7 @@ from ident.gap.presliding import DryFriction, with_directions
 from ident.gap.problem import JointProblem
 from ident.gap.rests import Rests
 from ident.gap.rows import gap_of, panel_of
+from ident.gap.threads import in_threads
 from ident.log import LogSource
 from ident.model import CurrentModel
 from ident.walk import Block, kept_rows
@@ -60,7 +61,7 @@ def smoothed(model: CurrentModel, sources: Sequence[LogSource], rests: Rests, en
     inside = panel.gather(lambda block: _inside(block, ends))
     if inside.mean() > MOST_ROWS:
         counts &= inside[:, None]
-    found = [_turning(model, panel, counts[:, j], j) for j in range(model.n)]
+    found = in_threads(lambda j: _turning(model, panel, counts[:, j], j), range(model.n))
     turned = with_directions(model, {j: friction for j, (friction, _) in enumerate(found)})
     return Smoothed(turned, float(np.sum(np.log([error for _, error in found]))), kept_rows(panel.blocks))
 

@@ -80,7 +80,7 @@ class Subject:
 
     def bend(self, terms: Sequence[Term]) -> None:
         """See the logs by the links that the model has once these terms are fitted with it."""
-        beside = self.fitted(self.model, terms)
+        beside = self.fitted(self.model, terms, spread=False)
         self.panel = self.panel.seen_by(replace(beside, terms=beside.terms[: -len(terms)]))
         self.survey = survey_of(self.model, self.panel)
 
@@ -92,16 +92,20 @@ class Subject:
         left = found.moving(panel, ~panel.gather(self.rests.counts)[:, joint])
         return with_slight_edge(panel, left, self.model.terms)
 
-    def fitted(self, model: CurrentModel, terms: Sequence[Term]) -> CurrentModel:
-        """Step 8: a model with what was found, refitted, or with the found terms added to it."""
+    def fitted(self, model: CurrentModel, terms: Sequence[Term], spread: bool = True) -> CurrentModel:
+        """Step 8: a model with what was found, refitted, or with the found terms added to it.
+
+        Standard deviations take a third of the time; without ``spread`` they are not known.
+        """
         if not self.refit:
             return replace(model, terms=(*model.terms, *terms))
         everything = [*model.terms, *terms]
         effects, shapes = [t.effect for t in everything], [t.shape for t in everything]
         drives = Drives(model.gain, model.force_unit)
         views = [model.view(source) for source in self.train]
-        found = fit(model.robot, effects, views, model.cutoff, drives, shapes=shapes, counts=self.rests.counts).model
-        return replace(found, positions_only=model.positions_only)
+        counts = self.rests.counts
+        found = fit(model.robot, effects, views, model.cutoff, drives, shapes=shapes, counts=counts, spread=spread)
+        return replace(found.model, positions_only=model.positions_only)
 
     def _see(self) -> None:
         """The model, its rows and facts about them, with what is known of rests."""

@@ -171,8 +171,9 @@ def test_huber_weights_hold_outliers_down(design, log, rng):
     assert errors[1] < 0.3 * errors[0]
 
 
-def test_triangle_has_the_matrix_products(rng):
-    matrix = rng.normal(size=(50, 5))
+@pytest.mark.parametrize("rows", [0, 3, 50])
+def test_triangle_has_the_matrix_products(rng, rows):
+    matrix = rng.normal(size=(rows, 5))
     upper = triangle(matrix)
     np.testing.assert_allclose(upper.T @ upper, matrix.T @ matrix, atol=1e-10)
     np.testing.assert_array_equal(upper, np.triu(upper))
