@@ -86,7 +86,7 @@ class FoldSums:
 
 
 @dataclass(frozen=True, eq=False)
-class Beside:
+class Further:
     """Further columns Z (N, k) beside a problem's own, as products over each fold's rows.
 
     Attributes:

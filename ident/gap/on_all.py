@@ -191,7 +191,7 @@ def _shared(
     if len(seen) == 0:
         return None
     size = np.sqrt(whole[seen])
-    sums = [p.beside(c[:, seen] / size) for p, c in zip(problems, columns, strict=True)]
+    sums = [p.further(c[:, seen] / size) for p, c in zip(problems, columns, strict=True)]
     reduced = [s.reduced() for s in sums]
     unique = sum(w * np.diag(normal) for w, (normal, _) in zip(weights, reduced, strict=True))
     inside = sum(w * np.diag(s.inside.sum(axis=0)) for w, s in zip(weights, sums, strict=True))

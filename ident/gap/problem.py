@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from ident.arrays import BoolArray, FloatArray, IntArray
-from ident.gap.fold_sums import Beside, FoldSums, products, products_of
+from ident.gap.fold_sums import FoldSums, Further, products, products_of
 
 Float32Array = npt.NDArray[np.float32]
 
@@ -186,9 +186,9 @@ class JointProblem:
     def fit(self, columns: FloatArray | None = None) -> FloatArray:
         """Coefficients (p + k,) of the baseline's columns and of columns (N, k), fitted to all rows."""
         unit, size = self._unit(columns)
-        beside = self.beside(unit)
-        found = beside.fitted()
-        return np.concatenate([beside.own(found) / self.norm, found / size])
+        further = self.further(unit)
+        found = further.fitted()
+        return np.concatenate([further.own(found) / self.norm, found / size])
 
     def drops(self, columns: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Fall (k,) of the squared residual with each of columns (N, k) fitted alone, and its coefficient (k,)."""
@@ -201,23 +201,23 @@ class JointProblem:
 
     def errors(self, columns: FloatArray | None = None) -> Errors:
         """Squared residuals with columns (N, k) fitted besides the baseline, each fold predicted from the others."""
-        beside = self.beside(self._unit(columns)[0])
-        return Errors(np.array([beside.held_out(k, beside.fitted(k)) for k in range(len(self.folds))]))
+        further = self.further(self._unit(columns)[0])
+        return Errors(np.array([further.held_out(k, further.fitted(k)) for k in range(len(self.folds))]))
 
     def held_out(self, columns: FloatArray) -> FloatArray:
         """Residuals (N,) of each fold's rows, predicted from the others with columns (N, k) besides the baseline."""
         unit, _ = self._unit(columns)
-        beside, left = self.beside(unit), self.target.copy()
+        further, left = self.further(unit), self.target.copy()
         for k, rows in enumerate(self.folds):
-            found = beside.fitted(k)
-            left[rows] -= self._parts[k] @ beside.own(found, k) + unit[rows] @ found
+            found = further.fitted(k)
+            left[rows] -= self._parts[k] @ further.own(found, k) + unit[rows] @ found
         return left
 
-    def beside(self, columns: FloatArray) -> Beside:
+    def further(self, columns: FloatArray) -> Further:
         """Columns (N, k) beside the baseline's, fold by fold."""
         parts = self._split(columns)
         across, inside = products_of(self._parts, parts), products_of(parts, parts)
-        return Beside(self._sums, across, inside, products_of(parts, self._targets)[:, :, 0])
+        return Further(self._sums, across, inside, products_of(parts, self._targets)[:, :, 0])
 
     def _unit(self, columns: FloatArray | None) -> tuple[FloatArray, FloatArray]:
         """Columns (N, k), by default none, of length one, and what their lengths were (k,); those of none are kept."""

@@ -134,8 +134,8 @@ def test_what_only_the_rows_held_out_tell_of_the_baseline_hides_no_effect():
     np.testing.assert_allclose(after.held_out / 1000, 1.0, rtol=0.1)
     left = problem.held_out(effect[:, None])
     np.testing.assert_allclose([left[rows] @ left[rows] for rows in problem.folds], after.held_out)
-    beside = problem.beside(effect[:, None])
-    np.testing.assert_allclose([beside.held_out(k, np.array([0.5])) for k in range(4)], after.held_out, rtol=0.01)
+    further = problem.further(effect[:, None])
+    np.testing.assert_allclose([further.held_out(k, np.array([0.5])) for k in range(4)], after.held_out, rtol=0.01)
 
 
 def test_a_fold_none_of_whose_rows_counts_is_one_still():
