@@ -19,6 +19,10 @@ from ident.gap.problem import Errors, JointProblem
 SEARCHED = 5
 """Laws on a joint, in all their forms, whose shape parameters are searched further than the grid of their starts."""
 
+HINTS = 0.01
+"""Share of a joint's squared residual that a law must explain for its fuller forms to be tried, a tenth of what they
+must themselves."""
+
 BOUND = 0.01
 """Share of a shape parameter's range, or of the bound itself where that is less, that counts as the bound."""
 
@@ -209,7 +213,8 @@ def best_trials(panel: Panel, survey: Survey, gate: Gate, effects: Sequence[Effe
         refine(panel, problem, [trial], joint) if law in further else trial
         for law, trial in zip(laws, screened, strict=True)
     ]
-    likely = [trial for law, trial in zip(laws, found, strict=True) if law in further]
+    least = HINTS * float(np.sum(problem.residual**2))
+    likely = [trial for law, trial in zip(laws, found, strict=True) if law in further and trial.drop > least]
     found += [_fuller(panel, gate, e, trial, joint) for trial in likely for e in trial.effect.fuller(survey)]
     return sorted((with_errors(panel, problem, trial, joint) for trial in found), key=_held_out)
 
