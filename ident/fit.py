@@ -114,7 +114,7 @@ def fit(
     if spread:
         scatter = covariance(fitted, design, solution, held) * kept_rows(held) / max(factors.rows, 1)
     else:
-        scatter = np.full((len(solution.parameters) + sum(len(t.shape) for t in fitted),) * 2, np.nan)
+        scatter = np.full((design.count + sum(len(term.shape) for term in fitted),) * 2, np.nan)
     model = CurrentModel(robot, with_std(design, fitted, scatter), cutoff, rate, drives.gain, drives.force_unit)
     tell(1.0)
     return Fit(model, design, solution, factors, scatter)

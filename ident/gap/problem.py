@@ -70,12 +70,12 @@ class Beyond:
         square = np.diag(self.gram)
         return np.sqrt(np.where(square > OWN**2, square, np.inf))
 
-    @cached_property
+    @property
     def coefficients(self) -> FloatArray:
         """The columns' coefficients (k,), fitted with the baseline's."""
         return self._scaled / (self._length * self.size)
 
-    @cached_property
+    @property
     def drop(self) -> float:
         """Fall of the squared residual by all of them."""
         return float(self.product @ (self._scaled / self._length))
@@ -85,7 +85,7 @@ class Beyond:
         along = self.product / self._length
         return along**2, along / (self._length * self.size)
 
-    @cached_property
+    @property
     def _scaled(self) -> FloatArray:
         """Solution (k,) with every column's rest scaled to length one."""
         gram = self.gram / np.outer(self._length, self._length)

@@ -108,7 +108,7 @@ class Reporter:
         models = in_threads(
             lambda k: subject.fitted(subject.model, list(chain(*terms[: k + 1])), spread=k == len(terms) - 1),
             range(len(terms)),
-        )  # fmt: skip
+        )
         if models:
             findings = _delivered(findings, models[-1], len(subject.model.terms))
         first, found_first = self._found_first()
