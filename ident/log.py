@@ -165,6 +165,31 @@ class PositionsOnly:
         return self.source.read().positions_only()
 
 
+@dataclass(frozen=True)
+class Later:
+    """A source of logs whose time stamps are later by some seconds."""
+
+    source: LogSource
+    seconds: float
+
+    @property
+    def name(self) -> str:
+        """Name of the log."""
+        return self.source.name
+
+    def blocks(self, rows: int) -> Iterator[JointLog]:
+        """Yield consecutive pieces of at most ``rows`` rows."""
+        for block in self.source.blocks(rows):
+            yield self._later(block)
+
+    def read(self) -> JointLog:
+        """Return the whole log."""
+        return self._later(self.source.read())
+
+    def _later(self, log: JointLog) -> JointLog:
+        return log.replace(t=log.t + self.seconds)
+
+
 @dataclass(frozen=True, eq=False)
 class WithoutStretches:
     """A source of logs with stretches cut out; what is left of a segment on either side are segments of their own.

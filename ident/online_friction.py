@@ -36,11 +36,13 @@ class Kind(NamedTuple):
         number: by which it goes.
         shapes: how many shapes it reads; of any others the effect states the columns alone.
         coefficients: how many coefficients; none stands for as many as there are.
+        needs: what of the fitted model it sees.
     """
 
     number: int
     shapes: int
     coefficients: int | None = 1
+    needs: tuple[str, ...] = ()
 
 
 ENCODED: dict[type[Effect], Kind] = {
@@ -52,7 +54,7 @@ ENCODED: dict[type[Effect], Kind] = {
     Stribeck: Kind(_STRIBECK, 2),
     Sigmoid: Kind(_SIGMOID, 2),
     ViscousNonlinear: Kind(_NONLINEAR, 1),
-    LoadFriction: Kind(_LOAD, 0),
+    LoadFriction: Kind(_LOAD, 0, needs=("load",)),
     CableSpring: Kind(_CABLE, 1, 2),
     GearRipple: Kind(_RIPPLE, 1, 2),
     CrossJointFriction: Kind(_CROSS, 2, 2),
@@ -143,7 +145,7 @@ def _known(term: Term, robot: Robot) -> bool:
     """Whether the table can hold a term; whatever is odd about one is left for its columns to complain of."""
     effect = term.effect
     kind, full = ENCODED.get(type(effect)), (len(effect.shapes), len(effect.coefficients(robot)))
-    if kind is None or (len(term.shape), len(term.coefficients)) != full:
+    if kind is None or effect.needs != kind.needs or (len(term.shape), len(term.coefficients)) != full:
         return False
     inside = all(j is not None and 0 <= j < robot.n for j in (effect.joint, getattr(effect, "source", 0)))
     return inside and len(_shape(term)) == kind.shapes and kind.coefficients in (None, len(term.coefficients))

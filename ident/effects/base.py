@@ -107,6 +107,12 @@ class Context:
         return self.robot.rigid_body.regressor(self.motion.q, self.motion.dq, self.motion.ddq)
 
     @cached_property
+    def bodies_load(self) -> FloatArray:
+        """Force (N, n) [N m or N] that the links need as the URDF has them; computed once."""
+        motion, bodies = self.motion, self.robot.multibody.parameters
+        return self.robot.rigid_body.inverse_dynamics(motion.q, motion.dq, motion.ddq, bodies)
+
+    @cached_property
     def inertia(self) -> FloatArray:
         """Inertia matrix (N, n, n) of the links, row j by those that row j uses; computed once."""
         return self.robot.rigid_body.mass_matrix(self.motion.q, self.needed("links", "inertia"))
@@ -144,6 +150,8 @@ class Survey:
         per_newton_metre: force units per N m of each joint, (n,).
         since: earliest time stamp [s].
         logged: share of the time between that and the last that the logs cover.
+        begins: time stamp [s] at which each log begins, of logs whose clocks began anew: whether heat and drift go on
+            from one to the next is not known; none where one clock has stamped them all.
         rate: sampling rate [Hz].
         reach: range (n,) of the joints' positions [rad or m].
         middle: middle (n,) of it.
@@ -164,6 +172,7 @@ class Survey:
     per_newton_metre: FloatArray
     since: float
     logged: float
+    begins: tuple[float, ...]
     rate: float
     reach: FloatArray
     middle: FloatArray

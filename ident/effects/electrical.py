@@ -105,9 +105,11 @@ class SensorDrift(Effect):
 
     Attributes:
         since: time stamp [s] at which the drift counts as nought.
+        restarts: whether it does at the start of every segment instead.
     """
 
     since: float = 0.0
+    restarts: bool = False
 
     name = "sensor-drift"
     family = "electrical"
@@ -116,8 +118,10 @@ class SensorDrift(Effect):
 
     @classmethod
     def candidates(cls, survey: Survey, joint: int | None) -> list[Effect]:
-        """Try it from the earliest time stamp."""
-        return [] if joint is None else [cls(joint, survey.since)]
+        """Try it from the earliest time stamp and, where clocks begin anew, from the start of each log."""
+        if joint is None:
+            return []
+        return [cls(joint, survey.since, restarts) for restarts in ((False, True) if survey.begins else (False,))]
 
     def coefficients(self, robot: Robot) -> tuple[Coefficient, ...]:
         """Return the drift in an hour."""
@@ -125,7 +129,14 @@ class SensorDrift(Effect):
 
     def columns(self, context: Context, shape: FloatArray, memory: FloatArray) -> FloatArray:
         """Return the hours since the start."""
-        return ((context.motion.t - self.since) / 3600.0)[:, None]
+        t = context.motion.t
+        if self.restarts and np.isnan(memory[0]):
+            memory[0] = t[0]
+        return ((t - (memory[0] if self.restarts else self.since)) / 3600.0)[:, None]
+
+    def start(self) -> FloatArray:
+        """Return the time at which the segment starts, not known yet, of a drift that restarts there."""
+        return np.full(int(self.restarts), np.nan)
 
 
 @dataclass(frozen=True)

@@ -244,13 +244,31 @@ class ViscousNonlinear(DirectedEffect):
 
 @dataclass(frozen=True)
 class LoadFriction(DirectedEffect):
-    """Dry friction that grows with the torque that the gear transmits (Hamon et al. 2010; Wahrburg et al. 2018)."""
+    """Dry friction that grows with the torque that the gear transmits (Hamon et al. 2010; Wahrburg et al. 2018).
+
+    Attributes:
+        per_newton_metre: force units per N m, of one whose load is that of the URDF's bodies; nought where it is that
+            of the model's links.
+    """
+
+    per_newton_metre: float = 0.0
 
     name = "load-friction"
     family = "friction"
-    needs = ("load",)
     rivals = ("torque-saturation", "position-friction")
     excitation = "the same pose and torque crossed at +dq and at -dq, under different loads"
+
+    @classmethod
+    def candidates(cls, survey: Survey, joint: int | None) -> list[Effect]:
+        """Try it with links as fitted, and as the URDF has them: without it in the model, it has bent those fitted."""
+        if joint is None:
+            return []
+        return [cls.seen(survey, joint, load) for load in (0.0, float(survey.per_newton_metre[joint]))]
+
+    @property
+    def needs(self) -> tuple[str, ...]:
+        """The load, unless it is that of the URDF's bodies."""
+        return () if self.per_newton_metre else ("load",)
 
     def coefficients(self, robot: Robot) -> tuple[Coefficient, ...]:
         """Return the friction per unit of load, a pure number, never negative."""
@@ -258,8 +276,9 @@ class LoadFriction(DirectedEffect):
 
     def columns(self, context: Context, shape: FloatArray, memory: FloatArray) -> FloatArray:
         """Return sign(dq) |load|."""
-        load = context.needed("load", self.name)[:, self.at]
-        return (self.direction(context, memory) * np.abs(load))[:, None]
+        fitted = not self.per_newton_metre
+        load = context.needed("load", self.name) if fitted else self.per_newton_metre * context.bodies_load
+        return (self.direction(context, memory) * np.abs(load[:, self.at]))[:, None]
 
 
 @dataclass(frozen=True)

@@ -24,7 +24,7 @@ class ThermalFriction(DirectedEffect):
 
     The joint's heat follows the power that its dry and viscous friction dissipate, with one time constant, or a steady
     one: drives warm up whatever the joint does. The first log starts cold; before any later segment the joint is taken
-    to have moved as usual for its share of the time since.
+    to have moved as usual for its share of the time since. Where logs' clocks begin anew, they may each start cold.
     Dry and viscous friction change with the heat, ever less as it grows: viscosity falls exponentially.
 
     Attributes:
@@ -32,7 +32,7 @@ class ThermalFriction(DirectedEffect):
         friction: friction at that speed in force units, against which the share is reported.
         viscous: share of it that is viscous.
         since: time stamp [s] at which the joint was cold.
-        logged: share of the time since then that logs cover.
+        logged: share of the time since then that logs cover; nought where each starts cold.
         steady: whether the power is, moved or not.
     """
 
@@ -56,7 +56,8 @@ class ThermalFriction(DirectedEffect):
             return []
         figures = (float(figure[joint]) for figure in (survey.pace, survey.friction, survey.viscous))
         own = cls.seen(survey, joint, *figures, survey.since, survey.logged)
-        return [own, replace(own, logged=1.0, steady=True)]
+        forms = [own, replace(own, logged=1.0, steady=True)]
+        return [*forms, *(replace(form, logged=0.0) for form in forms if survey.begins)]
 
     @property
     def shapes(self) -> tuple[Shape, ...]:

@@ -96,7 +96,7 @@ def usable(
     used = np.ones(columns.shape[1], dtype=bool) if among is None else among.copy()
     lower = np.array([c.lower for c in effect.coefficients(panel.robot)])
     if np.isfinite(lower).any():
-        used[used] = problem.admissible(columns[:, used], lower[used])
+        used[used] = problem.beyond(columns[:, used]).admissible(lower[used])
     return used
 
 
@@ -140,7 +140,7 @@ def _fitted(panel: Panel, problem: JointProblem, effect: Effect, everywhere: Flo
     columns = problem.of(everywhere)
     used = usable(panel, problem, effect, columns)
     values = np.zeros(len(used))
-    values[used] = problem.fit(columns[:, used])[problem.matrix.shape[1] :]
+    values[used] = problem.beyond(columns[:, used]).coefficients
     return values
 
 

@@ -72,7 +72,7 @@ def _slight(panel: Panel, gap: JointGap, edges: FloatArray, terms: Sequence[Term
     dry = [t for t in terms if isinstance(t.effect, Coulomb) and t.effect.joint == gap.joint]
     problem, most = gap.problem(panel), MOST * sum(abs(float(t.coefficients[0])) for t in dry)
     while dry and edges.shape[1] > 0:
-        sizes = np.abs(problem.fit(problem.of(edges))[gap.matrix.shape[1] :])
+        sizes = np.abs(problem.beyond(problem.of(edges)).coefficients)
         if sizes.max() <= most:
             break
         edges = np.delete(edges, int(np.argmax(sizes)), axis=1)

@@ -96,8 +96,8 @@ class JointGap:
         """The same without the force (N,) of a cause of the whole robot; of one that is rough, as much as is there."""
         problem, there = self.problem(panel), 1.0
         if effect.rough:
-            column = problem.of(force[:, None])
-            there = float(problem.fit(column)[-1]) if problem.drop(column) > 0.0 else 1.0
+            column = problem.beyond(problem.of(force[:, None]))
+            there = float(column.coefficients[0]) if column.drop > 0.0 else 1.0
         known = replace(self, target=self.target - there * force, present=(*self.present, effect))
         explained = problem.errors().total - known.problem(panel).errors().total
         return replace(known, wholes=(*self.wholes, (effect, explained)))

@@ -85,6 +85,22 @@ class Beyond:
         along = self.product / self._length
         return along**2, along / (self._length * self.size)
 
+    def among(self, used: BoolArray) -> Beyond:
+        """The same of some of the columns (k,)."""
+        return Beyond(self.gram[np.ix_(used, used)], self.product[used], self.size[used])
+
+    def admissible(self, lower: FloatArray) -> BoolArray:
+        """Which (k,) of the columns have coefficients that keep to their lower bounds (k,), fitted without the rest."""
+        used = np.ones(len(lower), dtype=bool)
+        while (used & np.isfinite(lower)).any():
+            found = np.zeros(len(used))
+            found[used] = self.among(used).coefficients
+            wrong = used & (found < lower)
+            if not wrong.any():
+                break
+            used[int(np.argmin(np.where(wrong, found * self.size, np.inf)))] = False
+        return used
+
     @property
     def _scaled(self) -> FloatArray:
         """Solution (k,) with every column's rest scaled to length one."""
@@ -158,18 +174,6 @@ class JointProblem:
         """Part of columns (N, k) that the baseline's cannot absorb."""
         left: FloatArray = columns - self.basis @ products(self.basis, columns)
         return left
-
-    def admissible(self, columns: FloatArray, lower: FloatArray) -> BoolArray:
-        """Which (k,) of columns (N, k) have coefficients that keep to their lower bounds (k,)."""
-        used = np.ones(columns.shape[1], dtype=bool)
-        while (used & np.isfinite(lower)).any():
-            found = np.zeros(len(used))
-            found[used] = self.beyond(columns[:, used]).coefficients
-            wrong = used & (found < lower)
-            if not wrong.any():
-                break
-            used[int(np.argmin(np.where(wrong, found * sizes(columns), np.inf)))] = False
-        return used
 
     def beyond(self, columns: FloatArray) -> Beyond:
         """What columns (N, k) say that the baseline's do not."""

@@ -49,7 +49,7 @@ def panel_of(model: CurrentModel, sources: Sequence[LogSource], limit: int = ROW
     return Panel(model, blocks, contexts, rows, folds_of(blocks, rows))
 
 
-def survey_of(model: CurrentModel, panel: Panel) -> Survey:
+def survey_of(model: CurrentModel, panel: Panel, begins: tuple[float, ...] = ()) -> Survey:
     """Facts about the logs that candidates are built from."""
     robot = model.robot
     speed = np.abs(panel.velocity)
@@ -77,6 +77,7 @@ def survey_of(model: CurrentModel, panel: Panel) -> Survey:
         per_newton_metre=_per_newton_metre(model, panel, nominal),
         since=since,
         logged=min(sum(end - start for start, end in stamps) / max(last - since, 1e-9), 1.0),
+        begins=begins,
         rate=model.rate,
         reach=np.ptp(panel.motion.q, axis=0),
         middle=0.5 * (panel.motion.q.min(axis=0) + panel.motion.q.max(axis=0)),

@@ -128,7 +128,7 @@ class Beside:
         """Whether what a delay or a filter predicts is there at any pace; of other laws that is not asked."""
         if trial.effect.family != "timing":
             return True
-        force = columns @ self.problem.fit(columns)[self.problem.matrix.shape[1] :]
+        force = columns @ self.problem.beyond(columns).coefficients
         return agrees_at_any_pace([Predicted.of(panel, self.problem, self.joint, force)], AGREES)
 
     def _is_itself(self, panel: Panel, trial: Trial, columns: FloatArray) -> bool:

@@ -66,7 +66,7 @@ def alternatives(panel: Panel, gap: JointGap, named: Sequence[Named], one: Named
         found[TWINS[one.effect.name]] = None
     taken = {n.effect.name for n in named}
     for rival in [t for t in one.ranking if t.effect.name != one.effect.name][:RIVALS]:
-        if rival.effect.name in taken:
+        if rival.effect.name in taken or rival.at_bound:
             continue
         left = _held_out(panel, problem, rival, gap.joint)
         gain = before - float(left @ left)

@@ -24,12 +24,13 @@ LEAST_ROWS = 200
 
 @dataclass(eq=False)
 class Subject:
-    """A model and the rows of logs that it is held against; :meth:`look` fills in all but the first three.
+    """A model and the rows of logs that it is held against; :meth:`look` fills in all but the first four.
 
     Attributes:
         model: the simulation, as last fitted.
         train: the logs.
         refit: whether the model's own parameters are fitted again with every candidate, or held fixed.
+        begins: time stamp [s] at which each log begins whose clock began anew.
         rests: joints whose rests are left out.
         panel, survey: the rows, and facts about the logs.
         gaps: each joint's rows with the model's columns.
@@ -38,6 +39,7 @@ class Subject:
     model: CurrentModel
     train: Sequence[LogSource]
     refit: bool
+    begins: tuple[float, ...] = ()
     rests: Rests = field(init=False)
     panel: Panel = field(init=False)
     survey: Survey = field(init=False)
@@ -82,7 +84,7 @@ class Subject:
         """See the logs by the links that the model has once these terms are fitted with it."""
         beside = self.fitted(self.model, terms, spread=False)
         self.panel = self.panel.seen_by(replace(beside, terms=beside.terms[: -len(terms)]))
-        self.survey = survey_of(self.model, self.panel)
+        self.survey = survey_of(self.model, self.panel, self.begins)
 
     def gap(self, panel: Panel, joint: int) -> JointGap:
         """The joint's rows: the model's columns if it is refitted, else what it leaves; of one that sticks no rests."""
@@ -114,5 +116,5 @@ class Subject:
         self.panel = panel_of(self.model, self.train)
         if len(self.panel) < LEAST_ROWS:
             raise InputError("too few rows", ", ".join(s.name for s in self.train), "give longer logs")
-        self.survey = survey_of(self.model, self.panel)
+        self.survey = survey_of(self.model, self.panel, self.begins)
         self.gaps = [self.gap(self.panel, j) for j in range(self.model.n)]

@@ -11,7 +11,7 @@ from scipy.interpolate import CubicSpline
 from ident.effects import load_catalogue
 from ident.effects.base import Context, Effect, initial_term
 from ident.effects.direction import SMOOTHING
-from ident.effects.electrical import Cogging
+from ident.effects.electrical import Cogging, SensorDrift
 from ident.effects.friction import Coulomb, LoadFriction, PositionFriction, Stribeck, ViscousNonlinear
 from ident.effects.hysteresis import Backlash, MaxwellSlip
 from ident.effects.rigid_body import CableSpring, Links, RotorInertia
@@ -107,6 +107,8 @@ VARIANTS = (
     CableSpring(1, slack=True, middle=0.1, half=0.8),
     CableSpring(1, side=-1, middle=0.1, half=0.8),
     ThermalFriction(1, steady=True),
+    SensorDrift(1, restarts=True),
+    LoadFriction(1, per_newton_metre=2.0),
     GearRipple(1, harmonics=2, largest=5.0),
     GearRipple(1, harmonics=3, rolls=True),
 )

@@ -1,0 +1,63 @@
+"""Logs whose clocks begin anew: nobody knows when they were recorded, so they are taken to follow one another."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+
+from ident.arrays import FloatArray
+from ident.log import Later, LogSource
+
+ROWS = 65536
+"""Rows that are read at a time to find a log's first and last time stamp."""
+
+PAUSE = 1.0
+"""Seconds from the end of one log to the beginning of the next."""
+
+
+@dataclass(frozen=True)
+class Row:
+    """Logs on one clock.
+
+    Attributes:
+        train, test: the logs.
+        begins: time stamp [s] at which each log to learn from begins; none where one clock has stamped them as it is.
+    """
+
+    train: Sequence[LogSource]
+    test: Sequence[LogSource]
+    begins: tuple[float, ...] = ()
+
+
+def in_a_row(train: Sequence[LogSource], test: Sequence[LogSource]) -> Row:
+    """Put logs to learn from, whose time stamps overlap, one after the other as they are given, and others behind them.
+
+    Heat and drift then go on from log to log. Of a log that stands alone no clock can be said to begin anew.
+    """
+    spans = [_span(source) for source in train]
+    if all(before[1] <= after[0] for before, after in pairwise(sorted(spans))):
+        return Row(train, test)
+    begins, later = [spans[0][0]], list[LogSource]()
+    for source, (first, last) in zip((*train, *test), (*spans, *map(_span, test)), strict=True):
+        later.append(Later(source, begins[-1] - first))
+        begins.append(begins[-1] + last - first + PAUSE)
+    return Row(later[: len(train)], later[len(train) :], tuple(begins[: len(train)]))
+
+
+def since_begin(t: FloatArray, begins: tuple[float, ...]) -> FloatArray:
+    """Seconds (N,) since the log of each time stamp (N,) began; the stamp where one clock has stamped all."""
+    if not begins:
+        return t
+    starts = np.array(begins)
+    # From within the pause, for a log's first stamp may be rounded to before it begins.
+    passed: FloatArray = t - starts[np.searchsorted(starts[1:] - 0.5 * PAUSE, t)]
+    return passed
+
+
+def _span(source: LogSource) -> tuple[float, float]:
+    """First and last time stamp [s] of a log."""
+    blocks = [(float(block.t[0]), float(block.t[-1])) for block in source.blocks(ROWS) if len(block) > 0]
+    return (blocks[0][0], blocks[-1][1]) if blocks else (0.0, 0.0)

@@ -1,0 +1,97 @@
+"""Logs whose clocks begin anew: put in a row, and with heat and drift that go on from log to log, or do not."""
+
+import numpy as np
+import pytest
+from planar_arm import NOISE, motion, record
+
+from ident.gap import baseline_model, find_gap
+from ident.gap.clocks import PAUSE, in_a_row, since_begin
+from ident.log import JointLog, Later
+
+SEEDS = (1, 2, 3, 9)
+
+
+def log(first, last, name="log"):
+    t = np.linspace(first, last, 11)
+    return JointLog(t=t, q=np.zeros((11, 2)), current=np.zeros((11, 2)), name=name)
+
+
+def test_logs_of_one_clock_are_left_as_they_are():
+    for train, test in (([log(0.0, 5.0)], [log(0.0, 5.0)]), ([log(7.0, 9.0), log(0.0, 5.0), log(5.0, 6.0)], [])):
+        row = in_a_row(train, test)
+        assert (row.train, row.test, row.begins) == (train, test, ())
+
+
+def test_logs_whose_clocks_begin_anew_follow_one_another():
+    row = in_a_row([log(2.0, 7.0, "a"), log(0.0, 4.0, "b")], [log(1.0, 2.0, "c")])
+    assert [source.name for source in (*row.train, *row.test)] == ["a", "b", "c"]
+    assert row.begins == (2.0, 7.0 + PAUSE)
+    spans = ((2.0, 7.0), (7.0 + PAUSE, 11.0 + PAUSE), (11.0 + 2.0 * PAUSE, 12.0 + 2.0 * PAUSE))
+    for source, span in zip((*row.train, *row.test), spans, strict=True):
+        whole = source.read()
+        np.testing.assert_allclose(whole.t[[0, -1]], span)
+        np.testing.assert_array_equal(np.concatenate([block.t for block in source.blocks(4)]), whole.t)
+
+
+def test_the_time_since_a_log_began_is_that_of_its_own_clock():
+    row = in_a_row([log(0.0, 5.0), log(0.0, 4.0)], [])
+    t = np.concatenate([source.read().t for source in row.train])
+    own = np.concatenate([log(0.0, 5.0).t, log(0.0, 4.0).t])
+    np.testing.assert_allclose(since_begin(t, row.begins), own, atol=1e-12)
+    np.testing.assert_array_equal(since_begin(own, ()), own)
+
+
+def test_a_later_log_is_the_same_but_for_its_clock():
+    one = log(0.0, 5.0)
+    later = Later(one, 3.0).read()
+    np.testing.assert_array_equal(later.t, one.t + 3.0)
+    assert later.q is not one.q
+    np.testing.assert_array_equal(later.q, one.q)
+    np.testing.assert_array_equal(one.t[0], 0.0)
+
+
+def warming(goes_on):
+    """Friction that falls by two nodes' heat, the second's from log to log, or from cold in each."""
+    heats, warm = {}, np.zeros(2)
+    for seed in SEEDS:
+        t, _, dq, _ = motion(seed)
+        if not goes_on:
+            warm = np.zeros(2)
+        power, heat = np.abs(dq[:, 1]) / 0.5, np.empty(len(t))
+        for k, p in enumerate(power):
+            warm = warm + (t[1] - t[0]) * np.array([p - warm[0], warm[0] - warm[1]]) / np.array([4.0, 40.0])
+            heat[k] = warm[1]
+        heats[seed] = heat
+    return heats
+
+
+@pytest.mark.parametrize("goes_on", [True, False])
+def test_a_joint_that_is_warm_from_the_log_before_warms_up(arm, goes_on):
+    heats = warming(goes_on)
+
+    def worn(seed):
+        loss = 1.0 - 1.0 / (1.0 + 1.5 * heats[seed])
+        return record(arm, seed, hidden=lambda t, q, dq: -loss * (0.8 * np.tanh(dq[:, 1] / 2e-3) + 0.5 * dq[:, 1]))
+
+    train = [worn(seed) for seed in SEEDS[:3]]
+    found = find_gap(baseline_model(arm, train), train, [worn(SEEDS[3])])
+    (one,) = found.findings
+    assert (one.effect, one.joints) == ("thermal-friction", (1,))
+    effect = one.terms[0].effect
+    assert (effect.logged > 0.0) == goes_on
+    assert found.evidence.after[1] < 1.06 * NOISE < 0.8 * found.evidence.before[1]
+
+
+@pytest.mark.parametrize("goes_on", [True, False])
+def test_an_offset_that_drifts_from_log_to_log_drifts(arm, goes_on):
+    def drifted(number, seed):
+        since = 60.0 * number if goes_on else 0.0
+        return record(arm, seed, hidden=lambda t, q, dq: 0.6 * np.tanh((since + t) / 300.0))
+
+    train = [drifted(k, seed) for k, seed in enumerate(SEEDS[:3])]
+    found = find_gap(baseline_model(arm, train), train, [drifted(3, SEEDS[3])])
+    (one,) = found.findings
+    assert (one.effect, one.joints) == ("sensor-drift", (1,))
+    assert one.terms[0].effect.restarts is not goes_on
+    assert found.evidence.after[1] < 1.06 * NOISE
+    assert found.evidence.before[1] > 1.08 * NOISE
