@@ -19,7 +19,7 @@ PAUSE = 1.0
 
 
 @dataclass(frozen=True)
-class Row:
+class OneClock:
     """Logs on one clock.
 
     Attributes:
@@ -32,19 +32,19 @@ class Row:
     begins: tuple[float, ...] = ()
 
 
-def in_a_row(train: Sequence[LogSource], test: Sequence[LogSource]) -> Row:
+def on_one_clock(train: Sequence[LogSource], test: Sequence[LogSource]) -> OneClock:
     """Put logs to learn from, whose time stamps overlap, one after the other as they are given, and others behind them.
 
     Heat and drift then go on from log to log. Of a log that stands alone no clock can be said to begin anew.
     """
     spans = [_span(source) for source in train]
     if all(before[1] <= after[0] for before, after in pairwise(sorted(spans))):
-        return Row(train, test)
+        return OneClock(train, test)
     begins, later = [spans[0][0]], list[LogSource]()
     for source, (first, last) in zip((*train, *test), (*spans, *map(_span, test)), strict=True):
         later.append(Later(source, begins[-1] - first))
         begins.append(begins[-1] + last - first + PAUSE)
-    return Row(later[: len(train)], later[len(train) :], tuple(begins[: len(train)]))
+    return OneClock(later[: len(train)], later[len(train) :], tuple(begins[: len(train)]))
 
 
 def since_begin(t: FloatArray, begins: tuple[float, ...]) -> FloatArray:
@@ -59,5 +59,5 @@ def since_begin(t: FloatArray, begins: tuple[float, ...]) -> FloatArray:
 
 def _span(source: LogSource) -> tuple[float, float]:
     """First and last time stamp [s] of a log."""
-    blocks = [(float(block.t[0]), float(block.t[-1])) for block in source.blocks(ROWS) if len(block) > 0]
-    return (blocks[0][0], blocks[-1][1]) if blocks else (0.0, 0.0)
+    stamps = [stamp for block in source.blocks(ROWS) if len(block) > 0 for stamp in (block.t[0], block.t[-1])]
+    return float(min(stamps, default=0.0)), float(max(stamps, default=0.0))

@@ -12,7 +12,7 @@ from ident.arrays import BoolArray
 from ident.errors import InputError
 from ident.gap.abstain import explainable
 from ident.gap.belief import WORTH_SAYING
-from ident.gap.clocks import in_a_row
+from ident.gap.clocks import on_one_clock
 from ident.gap.naming import Causes, name_causes
 from ident.gap.report import GapReport
 from ident.gap.reporter import Reporter, Start
@@ -68,10 +68,10 @@ def _find_gap(
     motions: Mapping[str, JointLog],
 ) -> GapReport:
     tell("reading logs", 0.0)
-    row = in_a_row(train, test)
-    train, test = row.train, row.test
+    clock = on_one_clock(train, test)
+    train, test = clock.train, clock.test
     lag = new_lag(model, train, refit)
-    subject = Subject(model if lag is None else replace(model, positions_only=True), train, refit, row.begins)
+    subject = Subject(model if lag is None else replace(model, positions_only=True), train, refit, clock.begins)
     subject.look()
     start = subject.model
     if lag is not None:

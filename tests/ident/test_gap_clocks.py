@@ -1,11 +1,11 @@
-"""Logs whose clocks begin anew: put in a row, and with heat and drift that go on from log to log, or do not."""
+"""Logs whose clocks begin anew: put on one clock, and with heat and drift that go on from log to log, or do not."""
 
 import numpy as np
 import pytest
 from planar_arm import NOISE, motion, record
 
 from ident.gap import baseline_model, find_gap
-from ident.gap.clocks import PAUSE, in_a_row, since_begin
+from ident.gap.clocks import PAUSE, on_one_clock, since_begin
 from ident.log import JointLog, Later
 
 SEEDS = (1, 2, 3, 9)
@@ -18,26 +18,26 @@ def log(first, last, name="log"):
 
 def test_logs_of_one_clock_are_left_as_they_are():
     for train, test in (([log(0.0, 5.0)], [log(0.0, 5.0)]), ([log(7.0, 9.0), log(0.0, 5.0), log(5.0, 6.0)], [])):
-        row = in_a_row(train, test)
-        assert (row.train, row.test, row.begins) == (train, test, ())
+        clock = on_one_clock(train, test)
+        assert (clock.train, clock.test, clock.begins) == (train, test, ())
 
 
 def test_logs_whose_clocks_begin_anew_follow_one_another():
-    row = in_a_row([log(2.0, 7.0, "a"), log(0.0, 4.0, "b")], [log(1.0, 2.0, "c")])
-    assert [source.name for source in (*row.train, *row.test)] == ["a", "b", "c"]
-    assert row.begins == (2.0, 7.0 + PAUSE)
+    clock = on_one_clock([log(2.0, 7.0, "a"), log(0.0, 4.0, "b")], [log(1.0, 2.0, "c")])
+    assert [source.name for source in (*clock.train, *clock.test)] == ["a", "b", "c"]
+    assert clock.begins == (2.0, 7.0 + PAUSE)
     spans = ((2.0, 7.0), (7.0 + PAUSE, 11.0 + PAUSE), (11.0 + 2.0 * PAUSE, 12.0 + 2.0 * PAUSE))
-    for source, span in zip((*row.train, *row.test), spans, strict=True):
+    for source, span in zip((*clock.train, *clock.test), spans, strict=True):
         whole = source.read()
         np.testing.assert_allclose(whole.t[[0, -1]], span)
         np.testing.assert_array_equal(np.concatenate([block.t for block in source.blocks(4)]), whole.t)
 
 
 def test_the_time_since_a_log_began_is_that_of_its_own_clock():
-    row = in_a_row([log(0.0, 5.0), log(0.0, 4.0)], [])
-    t = np.concatenate([source.read().t for source in row.train])
+    clock = on_one_clock([log(0.0, 5.0), log(0.0, 4.0)], [])
+    t = np.concatenate([source.read().t for source in clock.train])
     own = np.concatenate([log(0.0, 5.0).t, log(0.0, 4.0).t])
-    np.testing.assert_allclose(since_begin(t, row.begins), own, atol=1e-12)
+    np.testing.assert_allclose(since_begin(t, clock.begins), own, atol=1e-12)
     np.testing.assert_array_equal(since_begin(own, ()), own)
 
 
