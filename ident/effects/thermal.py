@@ -23,8 +23,8 @@ class ThermalFriction(DirectedEffect):
     """Friction that changes while the grease warms up (Bittencourt and Gunnarsson 2012).
 
     The joint's heat follows the power that its dry and viscous friction dissipate, with one time constant, or a steady
-    one: drives warm up whatever the joint does. The first log starts cold; before any later segment the joint is taken
-    to have moved as usual for its share of the time since. Where logs' clocks begin anew, they may each start cold.
+    one, or some of both: drives warm up whatever the joint does. The first log starts cold; before any later segment
+    the joint is taken to have moved as usual for its share of the time since, or to have cooled down.
     Dry and viscous friction change with the heat, ever less as it grows: viscosity falls exponentially.
 
     Attributes:
@@ -34,6 +34,7 @@ class ThermalFriction(DirectedEffect):
         since: time stamp [s] at which the joint was cold.
         logged: share of the time since then that logs cover; nought where each starts cold.
         steady: whether the power is, moved or not.
+        mixed: whether a share of it is, which is searched for.
     """
 
     pace: float = 1.0
@@ -42,6 +43,7 @@ class ThermalFriction(DirectedEffect):
     since: float = 0.0
     logged: float = 0.0
     steady: bool = False
+    mixed: bool = False
 
     name = "thermal-friction"
     family = "friction"
@@ -57,13 +59,19 @@ class ThermalFriction(DirectedEffect):
         figures = (float(figure[joint]) for figure in (survey.pace, survey.friction, survey.viscous))
         own = cls.seen(survey, joint, *figures, survey.since, survey.logged)
         forms = [own, replace(own, logged=1.0, steady=True)]
-        return [*forms, *(replace(form, logged=0.0) for form in forms if survey.begins)]
+        return [*forms, *(replace(form, logged=0.0) for form in forms if survey.begins or survey.logged < 1.0)]
+
+    def fuller(self, survey: Survey) -> list[Effect]:
+        """Return that with a power of which a share is steady."""
+        return [] if self.steady else [replace(self, mixed=True)]
 
     @property
     def shapes(self) -> tuple[Shape, ...]:
-        """Return the time constant, and how fast the change wanes with heat."""
+        """Return the time constant, how fast the change wanes with heat and, of a mixed power, the steady share."""
         seconds = Shape("seconds", "s", 12.0, 5000.0, (120.0, 25.0, 50.0, 400.0, 1500.0), ends=(False, False))
-        return (seconds, Shape("waning", "1", 0.05, 6.0, (0.5, 2.5), ends=(False, False)))
+        waning = Shape("waning", "1", 0.05, 6.0, (0.5, 2.5), ends=(False, False))
+        standing = Shape("standing", "1", 0.0, 1.0, (0.5,), log=False, ends=(False, False))
+        return (seconds, waning, standing) if self.mixed else (seconds, waning)
 
     def coefficients(self, robot: Robot) -> tuple[Coefficient, ...]:
         """Return what dry and viscous friction gain at a heat of one."""
@@ -77,7 +85,8 @@ class ThermalFriction(DirectedEffect):
         """Return (1 - exp(-waning heat)) / waning times sign(dq), and times dq."""
         velocity = self.velocity(context)
         speed = np.abs(velocity) / max(self.pace, 1e-9)
-        power = np.ones_like(speed) if self.steady else speed * (1.0 - self.viscous + self.viscous * speed)
+        standing = float(shape[2]) if self.mixed else float(self.steady)
+        power = standing + (1.0 - standing) * speed * (1.0 - self.viscous + self.viscous * speed)
         t, seconds = np.ascontiguousarray(context.motion.t), float(shape[0])
         heat = _heat(t, np.nan_to_num(power), seconds, self.since, self.logged, memory)
         both = np.stack([self.direction(context, memory[2:]), velocity], axis=1)
@@ -88,10 +97,11 @@ class ThermalFriction(DirectedEffect):
 
         That is when all but 1/e of the change is there: sooner than of the heat, whose first part does most.
         """
-        seconds, waning = shape.tolist()
+        seconds, waning = shape[:2].tolist()
         change = float((coefficients[0] + coefficients[1] * self.pace) * _change(1.0, waning))
         heat = -np.log1p(-(1.0 - np.exp(-1.0)) * -np.expm1(-waning)) / waning
-        return {"share": -change / max(abs(self.friction), 1e-12), "seconds": float(-seconds * np.log1p(-heat))}
+        told = {"share": -change / max(abs(self.friction), 1e-12), "seconds": float(-seconds * np.log1p(-heat))}
+        return {**told, "standing": float(shape[2])} if self.mixed else {**told}
 
 
 def _change(heat: Heat, waning: float) -> Heat:
