@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -203,6 +203,12 @@ class Backlash(Effect):
         load, motion, joint = context.needed("load", self.name), context.motion, self.at
         own, q, dq = (np.ascontiguousarray(x[:, joint]) for x in (load, motion.q, motion.dq))
         return (-own * _inside(q, dq, own, 0.5 * float(shape[0]), self.falls, memory))[:, None]
+
+    def row(self, context: Context, shape: FloatArray, memory: FloatArray, joint: int) -> FloatArray:
+        """Columns (N, k) at one joint; at its own without what a knock does to all others."""
+        if joint == self.joint:
+            return replace(self, everywhere=False).columns(context, shape, memory)
+        return super().row(context, shape, memory, joint)
 
     def _flown(self, context: Context, shape: FloatArray, memory: FloatArray) -> FloatArray:
         """Return what forces lack as the link flies."""

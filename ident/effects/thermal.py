@@ -17,6 +17,9 @@ if TYPE_CHECKING:
 
 Heat = TypeVar("Heat", float, FloatArray)
 
+COVERED = 0.9
+"""Share of the time that logs must cover for no joint to have cooled down between two."""
+
 
 @dataclass(frozen=True)
 class ThermalFriction(DirectedEffect):
@@ -59,7 +62,8 @@ class ThermalFriction(DirectedEffect):
         figures = (float(figure[joint]) for figure in (survey.pace, survey.friction, survey.viscous))
         own = cls.seen(survey, joint, *figures, survey.since, survey.logged)
         forms = [own, replace(own, logged=1.0, steady=True)]
-        return [*forms, *(replace(form, logged=0.0) for form in forms if survey.begins or survey.logged < 1.0)]
+        cools = bool(survey.begins) or survey.logged < COVERED
+        return [*forms, *(replace(form, logged=0.0) for form in forms if cools)]
 
     def fuller(self, survey: Survey) -> list[Effect]:
         """Return that with a power of which a share is steady."""

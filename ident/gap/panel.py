@@ -82,6 +82,8 @@ class Panel:
 
     def columns(self, effect: Effect, shape: FloatArray, joint: int) -> FloatArray:
         """Columns (N, k) of an effect in a joint's rows."""
+        if effect.acts_on is None and len(effect.shapes) > 0:
+            return self._of(effect, lambda context: effect.row(context, shape, effect.start(), joint))
         found = self.all_columns(effect, shape)
         return found[:, joint] if effect.acts_on is None else found
 
@@ -103,11 +105,12 @@ class Panel:
             yield from (self.columns(effect, shape, joint) for shape in shapes)
 
     def _columns(self, effect: Effect, shape: FloatArray) -> FloatArray:
+        return self._of(effect, lambda context: effect.columns(context, shape, effect.start()))
+
+    def _of(self, effect: Effect, what: Callable[[Context], FloatArray]) -> FloatArray:
+        """Rows of what an effect says; one that remembers must see the rows between."""
         context = self._seen_in_rows(effect)
-        if context is not None:
-            return effect.columns(context, shape, effect.start())
-        # An effect that remembers must see the rows between.
-        return self._looked_up(lambda context: effect.columns(context, shape, effect.start()))
+        return self._looked_up(what) if context is None else what(context)
 
     def _seen_in_rows(self, effect: Effect) -> Context | None:
         """What an effect sees of the rows looked at; None of one that must see those between at every shape."""

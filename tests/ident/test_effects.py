@@ -130,6 +130,24 @@ def test_memory_makes_blocks_as_good_as_the_whole(context, effect, size):
     assert np.all(np.isfinite(whole))
 
 
+@pytest.mark.parametrize("effect", [effect for effect in VARIANTS if effect.acts_on is None])
+def test_a_row_is_that_of_all_rows(context, effect):
+    shape = initial_term(effect).shape
+    every = effect.columns(context, shape, effect.start())
+    for joint in range(6):
+        one = effect.row(context, shape, effect.start(), joint)
+        np.testing.assert_allclose(one, every[:, joint], rtol=0, atol=1e-12 * np.abs(every).max())
+
+
+def test_friction_by_the_load_of_bodies_is_that_of_the_urdf(context):
+    motion, bodies = context.motion, context.robot.multibody.parameters
+    load = context.robot.rigid_body.inverse_dynamics(motion.q, motion.dq, motion.ddq, bodies)[:, 1]
+    nothing = np.zeros(0)
+    found = LoadFriction(1, per_newton_metre=2.0).columns(context, nothing, nothing)[:, 0]
+    fitted = LoadFriction(1).columns(context, nothing, nothing)[:, 0]
+    np.testing.assert_allclose(found * np.abs(context.load[:, 1]), 2.0 * fitted * np.abs(load), atol=1e-9)
+
+
 @pytest.mark.parametrize("effect", [*map(acting, sorted(CATALOGUE)), *VARIANTS])
 def test_samples_without_derivatives_are_passed_over(context, effect):
     shape = initial_term(effect).shape
