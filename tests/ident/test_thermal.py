@@ -35,6 +35,20 @@ def test_the_seconds_of_thermal_friction_are_those_of_the_change(vs060, waning):
     assert found["share"] == pytest.approx(-change[-1] / 2.0, rel=0.01)
 
 
+@pytest.mark.parametrize("standing", [0.0, 0.3, 1.0])
+def test_a_share_of_the_power_is_steady(vs060, standing):
+    t = np.arange(0.0, 60.0, 0.1)
+    rest, dq = np.zeros((len(t), 6)), np.repeat(np.sin(0.7 * t)[:, None], 6, axis=1)
+    context = Context(vs060, Motion(t, rest, dq, rest), rest, rest[:6], rest)
+    own, steady, mixed = (ThermalFriction(1, pace=0.5, steady=s, mixed=m) for s, m in ((0, 0), (1, 0), (0, 1)))
+    # Where the change is as the heat, that is a sum of both.
+    shape = np.array([40.0, 1e-6])
+    parts = [effect.columns(context, shape, effect.start()) for effect in (own, steady)]
+    found = mixed.columns(context, np.append(shape, standing), mixed.start())
+    np.testing.assert_allclose(found, (1.0 - standing) * parts[0] + standing * parts[1], atol=1e-5)
+    assert mixed.summary(vs060, np.append(shape, standing), np.array([-1.0, 0.0]))["standing"] == standing
+
+
 def test_drives_warm_up_whatever_the_joint_does(vs060):
     t = np.arange(0.0, 60.0, 0.1)
     rest = np.zeros((len(t), 6))
