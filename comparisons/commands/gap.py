@@ -38,7 +38,7 @@ def gap(
 
     Args:
         robot: a robot card, or the name of a built-in robot.
-        train: logs to find the gap in: files, globs or folders.
+        train: logs to find the gap in: files, globs or folders; in the order of recording, if their clocks begin anew.
         test: logs that play no part in finding it, and on which the gap is shown before and after.
         model: directory that identify or gap wrote.
         out: directory for result.json, report.html, the extended model and the predictions.

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 
@@ -13,6 +13,9 @@ from ident.log import Later, LogSource
 
 ROWS = 65536
 """Rows that are read at a time to find a log's first and last time stamp."""
+
+CLOCKED = {"thermal-friction", "sensor-drift"}
+"""Effects that follow the clock from log to log."""
 
 PAUSE = 1.0
 """Seconds from the end of one log to the beginning of the next."""
@@ -55,6 +58,17 @@ def since_begin(t: FloatArray, begins: tuple[float, ...]) -> FloatArray:
     # From within the pause, for a log's first stamp may be rounded to before it begins.
     passed: FloatArray = t - starts[np.searchsorted(starts[1:] - 0.5 * PAUSE, t)]
     return passed
+
+
+def clock_warnings(begins: Sequence[float], named: Iterable[str]) -> list[str]:
+    """Say of names that follow the clock that the logs' clocks begin anew."""
+    clocked = sorted(CLOCKED & set(named))
+    if not begins or not clocked:
+        return []
+    return [
+        f"Each log's clock begins anew: the logs were taken to follow one another as given, and {' and '.join(clocked)} "
+        "to go on or to begin anew with them, whichever explains more. Check their order."
+    ]
 
 
 def _span(source: LogSource) -> tuple[float, float]:

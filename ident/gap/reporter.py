@@ -14,6 +14,7 @@ from ident.cautions import reach_warnings, sign_warnings, still_joints, still_wa
 from ident.effects.base import Effect, Term
 from ident.gap.belief import unexplained
 from ident.gap.candidates import Trial
+from ident.gap.clocks import clock_warnings
 from ident.gap.evidence import evidence, negative_control
 from ident.gap.experiment import Experiment, Joined, Question, separating, with_motion
 from ident.gap.joint_gap import JointGap, Named
@@ -119,7 +120,7 @@ class Reporter:
         self.tell(1.0)
         return GapReport(
             self.start.model, model, tuple(findings), tuple(nameless), tuple(missing), maps[0], maps[1],
-            panel, survey, (before, after), causes.p_values, shown, subject.rests.joints, self._warnings(),
+            panel, survey, (before, after), causes.p_values, shown, subject.rests.joints, self._warnings(findings),
         )  # fmt: skip
 
     def _found_first(self) -> tuple[list[Finding], list[CurrentModel]]:
@@ -136,13 +137,14 @@ class Reporter:
         steps = range(0 if lag is not None else 1, len(gains) + 1)
         return findings, [model if k == len(gains) else self.subject.fitted(plain, gains[:k]) for k in steps]
 
-    def _warnings(self) -> tuple[str, ...]:
-        """What the user should look at: joints that stand still, flipped signs, test logs that go further."""
+    def _warnings(self, findings: Sequence[Finding]) -> tuple[str, ...]:
+        """What the user should look at: joints that stand still, flipped signs, test logs that go further, clocks."""
         model, held = self.subject.model, self.subject.panel.blocks
         return (
             *sign_warnings(self.start.model, held),
             *still_warnings(model.robot, still_joints(held)),
             *reach_warnings(model.robot, self.subject.train, self.test, model.cutoff),
+            *clock_warnings(self.subject.begins, [finding.effect for finding in findings]),
         )
 
     def _whole_finding(self, whole: Whole, gap: JointGap, named: Sequence[Named]) -> Finding:

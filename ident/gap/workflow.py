@@ -42,7 +42,7 @@ def find_gap(
 
     Args:
         model: the simulation.
-        train: logs to find it in.
+        train: logs to find it in; in the order of recording, if their clocks begin anew.
         test: logs to show it on, which play no part in finding it.
         refit: whether the model's own parameters are fitted again with every candidate: what does its structure lack?
             Without, it is held fixed: what has changed since it was identified?

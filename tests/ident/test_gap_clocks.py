@@ -5,7 +5,7 @@ import pytest
 from planar_arm import NOISE, motion, record
 
 from ident.gap import baseline_model, find_gap
-from ident.gap.clocks import PAUSE, on_one_clock, since_begin
+from ident.gap.clocks import PAUSE, clock_warnings, on_one_clock, since_begin
 from ident.log import JointLog, Later
 
 SEEDS = (1, 2, 3, 9)
@@ -39,6 +39,13 @@ def test_the_time_since_a_log_began_is_that_of_its_own_clock():
     own = np.concatenate([log(0.0, 5.0).t, log(0.0, 4.0).t])
     np.testing.assert_allclose(since_begin(t, clock.begins), own, atol=1e-12)
     np.testing.assert_array_equal(since_begin(own, ()), own)
+
+
+def test_only_names_that_follow_the_clock_are_warned_of():
+    assert clock_warnings((0.0, 6.0), ["stribeck"]) == []
+    assert clock_warnings((), ["sensor-drift"]) == []
+    (warning,) = clock_warnings((0.0, 6.0), ["stribeck", "thermal-friction", "sensor-drift"])
+    assert "sensor-drift and thermal-friction" in warning
 
 
 def test_a_later_log_is_the_same_but_for_its_clock():
@@ -93,5 +100,6 @@ def test_an_offset_that_drifts_from_log_to_log_drifts(arm, goes_on):
     (one,) = found.findings
     assert (one.effect, one.joints) == ("sensor-drift", (1,))
     assert one.terms[0].effect.restarts is not goes_on
+    assert any("clock begins anew" in warning and "sensor-drift" in warning for warning in found.warnings)
     assert found.evidence.after[1] < 1.06 * NOISE
     assert found.evidence.before[1] > 1.08 * NOISE
