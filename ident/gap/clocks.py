@@ -66,7 +66,7 @@ def clock_warnings(begins: Sequence[float], named: Iterable[str]) -> list[str]:
     if not begins or not clocked:
         return []
     return [
-        f"Each log's clock begins anew: the logs were taken to follow one another as given, and {' and '.join(clocked)} "
+        f"Each log's clock begins anew: the logs were taken to follow each other as given, and {' and '.join(clocked)} "
         "to go on or to begin anew with them, whichever explains more. Check their order."
     ]
 
