@@ -3,18 +3,22 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
 
 from ident.arrays import FloatArray
+from ident.effects.base import Term
+from ident.effects.electrical import SensorDrift
+from ident.effects.thermal import ThermalFriction
 from ident.log import Later, LogSource
+from ident.model import CurrentModel
 
 ROWS = 65536
 """Rows that are read at a time to find a log's first and last time stamp."""
 
-CLOCKED = {"thermal-friction", "sensor-drift"}
+CLOCKED = {SensorDrift.name, ThermalFriction.name}
 """Effects that follow the clock from log to log."""
 
 PAUSE = 1.0
@@ -22,32 +26,48 @@ PAUSE = 1.0
 
 
 @dataclass(frozen=True)
-class OneClock:
-    """Logs on one clock.
+class Clock:
+    """What one clock for logs whose own each begin anew says.
 
     Attributes:
-        train, test: the logs.
-        begins: time stamp [s] at which each log to learn from begins; none where one clock has stamped them as it is.
+        begins: time stamp [s] at which each log begins; none where one clock has stamped them as they are.
+        later: seconds by which it is ahead of the own clock of a log that follows them.
     """
 
-    train: Sequence[LogSource]
-    test: Sequence[LogSource]
     begins: tuple[float, ...] = ()
+    later: float = 0.0
 
 
-def on_one_clock(train: Sequence[LogSource], test: Sequence[LogSource]) -> OneClock:
-    """Put logs to learn from, whose time stamps overlap, one after the other as they are given, and others behind them.
+AS_STAMPED = Clock()
+"""Of logs that one clock has stamped."""
 
-    Heat and drift then go on from log to log. Of a log that stands alone no clock can be said to begin anew.
+
+def on_one_clock(model: CurrentModel, logs: Sequence[LogSource]) -> tuple[Sequence[LogSource], Clock]:
+    """Put logs whose time stamps overlap one after the other, as they are given: heat and drift then go on.
+
+    Of a log that stands alone no clock can be said to begin anew; and a model that has what follows the clock knows
+    what that of the logs means.
     """
-    spans = [_span(source) for source in train]
-    if all(before[1] <= after[0] for before, after in pairwise(sorted(spans))):
-        return OneClock(train, test)
+    spans = [_span(source) for source in logs]
+    anew = any(after[0] < before[1] for before, after in pairwise(sorted(spans)))
+    if not anew or any(term.effect.name in CLOCKED for term in model.terms):
+        return logs, AS_STAMPED
     begins, later = [spans[0][0]], list[LogSource]()
-    for source, (first, last) in zip((*train, *test), (*spans, *map(_span, test)), strict=True):
+    for source, (first, last) in zip(logs, spans, strict=True):
         later.append(Later(source, begins[-1] - first))
         begins.append(begins[-1] + last - first + PAUSE)
-    return OneClock(later[: len(train)], later[len(train) :], tuple(begins[: len(train)]))
+    return later, Clock(tuple(begins[:-1]), begins[-1] - begins[0])
+
+
+def by_own_clock(model: CurrentModel, clock: Clock) -> CurrentModel:
+    """A model found with logs on one clock, as it holds for a log that follows them and has a clock of its own."""
+    terms = [_earlier(term, clock.later) if term.effect.name in CLOCKED else term for term in model.terms]
+    return replace(model, terms=tuple(terms)) if clock.begins else model
+
+
+def _earlier(term: Term, seconds: float) -> Term:
+    assert isinstance(term.effect, SensorDrift | ThermalFriction)
+    return replace(term, effect=replace(term.effect, since=term.effect.since - seconds))
 
 
 def since_begin(t: FloatArray, begins: tuple[float, ...]) -> FloatArray:
@@ -60,10 +80,10 @@ def since_begin(t: FloatArray, begins: tuple[float, ...]) -> FloatArray:
     return passed
 
 
-def clock_warnings(begins: Sequence[float], named: Iterable[str]) -> list[str]:
+def clock_warnings(clock: Clock, named: Iterable[str]) -> list[str]:
     """Say of names that follow the clock that the logs' clocks begin anew."""
     clocked = sorted(CLOCKED & set(named))
-    if not begins or not clocked:
+    if not clock.begins or not clocked:
         return []
     return [
         f"Each log's clock begins anew: the logs were taken to follow each other as given, and {' and '.join(clocked)} "

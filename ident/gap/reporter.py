@@ -14,7 +14,7 @@ from ident.cautions import reach_warnings, sign_warnings, still_joints, still_wa
 from ident.effects.base import Effect, Term
 from ident.gap.belief import unexplained
 from ident.gap.candidates import Trial
-from ident.gap.clocks import clock_warnings
+from ident.gap.clocks import by_own_clock, clock_warnings
 from ident.gap.evidence import evidence, negative_control
 from ident.gap.experiment import Experiment, Joined, Question, separating, with_motion
 from ident.gap.joint_gap import JointGap, Named
@@ -110,6 +110,7 @@ class Reporter:
             lambda k: subject.fitted(subject.model, list(chain(*terms[: k + 1])), spread=k == len(terms) - 1),
             range(len(terms)),
         )
+        models = [by_own_clock(model, subject.clock) for model in models]
         if models:
             findings = _delivered(findings, models[-1], len(subject.model.terms))
         first, found_first = self._found_first()
@@ -144,7 +145,7 @@ class Reporter:
             *sign_warnings(self.start.model, held),
             *still_warnings(model.robot, still_joints(held)),
             *reach_warnings(model.robot, self.subject.train, self.test, model.cutoff),
-            *clock_warnings(self.subject.begins, [finding.effect for finding in findings]),
+            *clock_warnings(self.subject.clock, [finding.effect for finding in findings]),
         )
 
     def _whole_finding(self, whole: Whole, gap: JointGap, named: Sequence[Named]) -> Finding:

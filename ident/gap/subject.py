@@ -9,6 +9,7 @@ from ident.arrays import FloatArray
 from ident.effects.base import Survey, Term
 from ident.errors import InputError
 from ident.fit import Drives, fit
+from ident.gap.clocks import AS_STAMPED, Clock
 from ident.gap.edge import with_slight_edge
 from ident.gap.joint_gap import JointGap
 from ident.gap.lateness import turned_in_time
@@ -30,7 +31,7 @@ class Subject:
         model: the simulation, as last fitted.
         train: the logs.
         refit: whether the model's own parameters are fitted again with every candidate, or held fixed.
-        begins: time stamp [s] at which each log begins whose clock began anew.
+        clock: what is known of the clocks of logs that begin anew.
         rests: joints whose rests are left out.
         panel, survey: the rows, and facts about the logs.
         gaps: each joint's rows with the model's columns.
@@ -39,7 +40,7 @@ class Subject:
     model: CurrentModel
     train: Sequence[LogSource]
     refit: bool
-    begins: tuple[float, ...] = ()
+    clock: Clock = AS_STAMPED
     rests: Rests = field(init=False)
     panel: Panel = field(init=False)
     survey: Survey = field(init=False)
@@ -84,7 +85,7 @@ class Subject:
         """See the logs by the links that the model has once these terms are fitted with it."""
         beside = self.fitted(self.model, terms, spread=False)
         self.panel = self.panel.seen_by(replace(beside, terms=beside.terms[: -len(terms)]))
-        self.survey = survey_of(self.model, self.panel, self.begins)
+        self.survey = survey_of(self.model, self.panel, self.clock.begins)
 
     def gap(self, panel: Panel, joint: int) -> JointGap:
         """The joint's rows: the model's columns if it is refitted, else what it leaves; of one that sticks no rests."""
@@ -116,5 +117,5 @@ class Subject:
         self.panel = panel_of(self.model, self.train)
         if len(self.panel) < LEAST_ROWS:
             raise InputError("too few rows", ", ".join(s.name for s in self.train), "give longer logs")
-        self.survey = survey_of(self.model, self.panel, self.begins)
+        self.survey = survey_of(self.model, self.panel, self.clock.begins)
         self.gaps = [self.gap(self.panel, j) for j in range(self.model.n)]

@@ -68,10 +68,9 @@ def _find_gap(
     motions: Mapping[str, JointLog],
 ) -> GapReport:
     tell("reading logs", 0.0)
-    clock = on_one_clock(train, test)
-    train, test = clock.train, clock.test
+    train, clock = on_one_clock(model, train)
     lag = new_lag(model, train, refit)
-    subject = Subject(model if lag is None else replace(model, positions_only=True), train, refit, clock.begins)
+    subject = Subject(model if lag is None else replace(model, positions_only=True), train, refit, clock)
     subject.look()
     start = subject.model
     if lag is not None:

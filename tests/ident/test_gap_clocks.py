@@ -1,12 +1,19 @@
 """Logs whose clocks begin anew: put on one clock, and with heat and drift that go on from log to log, or do not."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from planar_arm import NOISE, motion, record
 
+from ident.effects.base import Term
+from ident.effects.electrical import SensorDrift
+from ident.effects.friction import Coulomb
+from ident.effects.thermal import ThermalFriction
 from ident.gap import baseline_model, find_gap
-from ident.gap.clocks import PAUSE, clock_warnings, on_one_clock, since_begin
+from ident.gap.clocks import PAUSE, Clock, by_own_clock, clock_warnings, on_one_clock, since_begin
 from ident.log import JointLog, Later
+from ident.model import CurrentModel
 
 SEEDS = (1, 2, 3, 9)
 
@@ -16,35 +23,53 @@ def log(first, last, name="log"):
     return JointLog(t=t, q=np.zeros((11, 2)), current=np.zeros((11, 2)), name=name)
 
 
-def test_logs_of_one_clock_are_left_as_they_are():
-    for train, test in (([log(0.0, 5.0)], [log(0.0, 5.0)]), ([log(7.0, 9.0), log(0.0, 5.0), log(5.0, 6.0)], [])):
-        clock = on_one_clock(train, test)
-        assert (clock.train, clock.test, clock.begins) == (train, test, ())
+@pytest.fixture
+def plain(arm):
+    return CurrentModel(arm, (), 5.0, 100.0, np.ones(2), "N*m")
 
 
-def test_logs_whose_clocks_begin_anew_follow_one_another():
-    clock = on_one_clock([log(2.0, 7.0, "a"), log(0.0, 4.0, "b")], [log(1.0, 2.0, "c")])
-    assert [source.name for source in (*clock.train, *clock.test)] == ["a", "b", "c"]
-    assert clock.begins == (2.0, 7.0 + PAUSE)
-    spans = ((2.0, 7.0), (7.0 + PAUSE, 11.0 + PAUSE), (11.0 + 2.0 * PAUSE, 12.0 + 2.0 * PAUSE))
-    for source, span in zip((*clock.train, *clock.test), spans, strict=True):
+def test_logs_of_one_clock_are_left_as_they_are(plain):
+    for logs in ([log(0.0, 5.0)], [log(7.0, 9.0), log(0.0, 5.0), log(5.0, 6.0)]):
+        assert on_one_clock(plain, logs) == (logs, Clock())
+
+
+def test_logs_whose_clocks_begin_anew_follow_one_another(plain):
+    logs, clock = on_one_clock(plain, [log(2.0, 7.0, "a"), log(0.0, 4.0, "b")])
+    assert [source.name for source in logs] == ["a", "b"]
+    assert clock == Clock((2.0, 7.0 + PAUSE), 9.0 + 2.0 * PAUSE)
+    for source, span in zip(logs, ((2.0, 7.0), (7.0 + PAUSE, 11.0 + PAUSE)), strict=True):
         whole = source.read()
         np.testing.assert_allclose(whole.t[[0, -1]], span)
         np.testing.assert_array_equal(np.concatenate([block.t for block in source.blocks(4)]), whole.t)
 
 
-def test_the_time_since_a_log_began_is_that_of_its_own_clock():
-    clock = on_one_clock([log(0.0, 5.0), log(0.0, 4.0)], [])
-    t = np.concatenate([source.read().t for source in clock.train])
+def test_a_model_of_what_follows_the_clock_knows_that_of_the_logs(plain):
+    warm = replace(plain, terms=(Term(ThermalFriction(1)),))
+    logs = [log(0.0, 5.0), log(0.0, 5.0)]
+    assert on_one_clock(warm, logs) == (logs, Clock())
+
+
+def test_a_model_holds_for_the_log_that_follows(plain):
+    terms = (Term(ThermalFriction(1, since=2.0)), Term(Coulomb(0)), Term(SensorDrift(0, since=2.0)))
+    model = replace(plain, terms=terms)
+    found = by_own_clock(model, Clock((2.0, 8.0), 11.0)).terms
+    assert (found[0].effect.since, found[2].effect.since) == (-9.0, -9.0)
+    assert found[1] is terms[1]
+    assert by_own_clock(model, Clock()) is model
+
+
+def test_the_time_since_a_log_began_is_that_of_its_own_clock(plain):
+    logs, clock = on_one_clock(plain, [log(0.0, 5.0), log(0.0, 4.0)])
+    t = np.concatenate([source.read().t for source in logs])
     own = np.concatenate([log(0.0, 5.0).t, log(0.0, 4.0).t])
     np.testing.assert_allclose(since_begin(t, clock.begins), own, atol=1e-12)
     np.testing.assert_array_equal(since_begin(own, ()), own)
 
 
 def test_only_names_that_follow_the_clock_are_warned_of():
-    assert clock_warnings((0.0, 6.0), ["stribeck"]) == []
-    assert clock_warnings((), ["sensor-drift"]) == []
-    (warning,) = clock_warnings((0.0, 6.0), ["stribeck", "thermal-friction", "sensor-drift"])
+    assert clock_warnings(Clock((0.0, 6.0), 11.0), ["stribeck"]) == []
+    assert clock_warnings(Clock(), ["sensor-drift"]) == []
+    (warning,) = clock_warnings(Clock((0.0, 6.0), 11.0), ["stribeck", "thermal-friction", "sensor-drift"])
     assert "sensor-drift and thermal-friction" in warning
 
 
