@@ -30,7 +30,7 @@ class Finding:
         p_value: chance of so good a candidate where there is nothing.
         alternatives: names that the logs cannot tell from it.
         next_experiment: what would; None where nothing is open.
-        terms: what is added to the model.
+        terms: what is added to the model, by the clock of the rows that were looked at.
         explained: share by which it lowered the held-out squared residual of its joint, or of the one that shows most
             of it; None of what was found or cut out before the effects were tried.
         control: what the negative control gained, as a share of the RMS residual; None for the whole robot.

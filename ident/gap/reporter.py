@@ -110,9 +110,9 @@ class Reporter:
             lambda k: subject.fitted(subject.model, list(chain(*terms[: k + 1])), spread=k == len(terms) - 1),
             range(len(terms)),
         )
-        models = [by_own_clock(model, subject.clock) for model in models]
         if models:
             findings = _delivered(findings, models[-1], len(subject.model.terms))
+        models = [by_own_clock(model, subject.clock) for model in models]
         first, found_first = self._found_first()
         findings, models = [*first, *findings], [*found_first, *models]
         shown = evidence([self.start.model, *models], self.test, subject.rests) if self.test else None
