@@ -45,9 +45,11 @@ AS_STAMPED = Clock()
 def on_one_clock(model: CurrentModel, logs: Sequence[LogSource]) -> tuple[Sequence[LogSource], Clock]:
     """Put logs whose time stamps overlap one after the other, as they are given: heat and drift then go on.
 
-    Of a log that stands alone no clock can be said to begin anew; and a model that has what follows the clock knows
-    what that of the logs means.
+    Of a log that stands alone no clock can be said to begin anew; of logs of several segments what begins anew in each
+    log would in each segment; and a model that has what follows the clock knows what that of the logs means.
     """
+    if any(_segments(source) > 1 for source in logs):
+        return logs, AS_STAMPED
     spans = [_span(source) for source in logs]
     anew = any(after[0] < before[1] for before, after in pairwise(sorted(spans)))
     if not anew or any(term.effect.name in CLOCKED for term in model.terms):
@@ -89,6 +91,11 @@ def clock_warnings(clock: Clock, named: Iterable[str]) -> list[str]:
         f"Each log's clock begins anew: the logs were taken to follow each other as given, and {' and '.join(clocked)} "
         "to go on or to begin anew with them, whichever explains more. Check their order."
     ]
+
+
+def _segments(source: LogSource) -> int:
+    """How many segments a log has."""
+    return len({int(number) for block in source.blocks(ROWS) if len(block) > 0 for number in block.segment[:1]})
 
 
 def _span(source: LogSource) -> tuple[float, float]:

@@ -43,6 +43,11 @@ def test_logs_whose_clocks_begin_anew_follow_one_another(plain):
         np.testing.assert_array_equal(np.concatenate([block.t for block in source.blocks(4)]), whole.t)
 
 
+def test_logs_of_several_segments_are_left_as_they_are(plain):
+    parted = [log(0.0, 5.0).replace(segment=np.repeat([0, 1], [5, 6])), log(0.0, 4.0)]
+    assert on_one_clock(plain, parted) == (parted, Clock())
+
+
 def test_a_model_of_what_follows_the_clock_knows_that_of_the_logs(plain):
     warm = replace(plain, terms=(Term(ThermalFriction(1)),))
     logs = [log(0.0, 5.0), log(0.0, 5.0)]
