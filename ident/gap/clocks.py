@@ -48,10 +48,8 @@ def on_one_clock(model: CurrentModel, logs: Sequence[LogSource]) -> tuple[Sequen
     Of a log that stands alone no clock can be said to begin anew; of logs of several segments what begins anew in each
     log would in each segment; and a model that has what follows the clock knows what that of the logs means.
     """
-    if any(_segments(source) > 1 for source in logs):
-        return logs, AS_STAMPED
-    spans = [_span(source) for source in logs]
-    anew = any(after[0] < before[1] for before, after in pairwise(sorted(spans)))
+    segments, spans = zip(*map(_stamps, logs), strict=True)
+    anew = max(segments) == 1 and any(after[0] < before[1] for before, after in pairwise(sorted(spans)))
     if not anew or any(term.effect.name in CLOCKED for term in model.terms):
         return logs, AS_STAMPED
     begins, later = [spans[0][0]], list[LogSource]()
@@ -93,12 +91,8 @@ def clock_warnings(clock: Clock, named: Iterable[str]) -> list[str]:
     ]
 
 
-def _segments(source: LogSource) -> int:
-    """How many segments a log has."""
-    return len({int(number) for block in source.blocks(ROWS) if len(block) > 0 for number in block.segment[:1]})
-
-
-def _span(source: LogSource) -> tuple[float, float]:
-    """First and last time stamp [s] of a log."""
-    stamps = [stamp for block in source.blocks(ROWS) if len(block) > 0 for stamp in (block.t[0], block.t[-1])]
-    return float(min(stamps, default=0.0)), float(max(stamps, default=0.0))
+def _stamps(source: LogSource) -> tuple[int, tuple[float, float]]:
+    """How many segments a log has, and its first and last time stamp [s]."""
+    blocks = [(int(b.segment[0]), float(b.t[0]), float(b.t[-1])) for b in source.blocks(ROWS) if len(b) > 0]
+    first, last = min((b[1] for b in blocks), default=0.0), max((b[2] for b in blocks), default=0.0)
+    return len({number for number, _, _ in blocks}), (first, last)

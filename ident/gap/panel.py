@@ -151,6 +151,11 @@ class Panel:
         own = np.diagonal(self._looked_at.inertia, axis1=1, axis2=2)
         return np.asarray(np.maximum(own.mean(axis=0), 0.0))
 
+    @property
+    def bodies_load(self) -> FloatArray:
+        """Rows (N, n) [N m or N] of the force that the links need as the URDF has them."""
+        return self._looked_at.bodies_load
+
     def seen(self, what: str) -> FloatArray:
         """Rows (N, n) of the ``load`` or ``total`` that effects see."""
         return np.concatenate([c.needed(what, "gap")[r] for c, r in zip(self.contexts, self.rows, strict=True)])

@@ -61,8 +61,7 @@ def survey_of(model: CurrentModel, panel: Panel, begins: tuple[float, ...] = ())
         if term.effect.name in OF_SPEED:
             force = panel.columns(term.effect, term.shape, term.effect.at) @ term.coefficients
             viscous[term.effect.at] += np.abs(force).mean()
-    motion = panel.motion
-    nominal = robot.rigid_body.inverse_dynamics(motion.q, motion.dq, motion.ddq, robot.multibody.parameters)
+    nominal = panel.bodies_load
     stamps = [(float(block.motion.t[0]), float(block.motion.t[-1])) for block in panel.blocks]
     since, last = min(start for start, _ in stamps), max(end for _, end in stamps)
     return Survey(
