@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import itertools
+from abc import ABC, abstractmethod
 from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any, Protocol
@@ -145,10 +146,14 @@ class JointLog:
 
 
 @dataclass(frozen=True)
-class PositionsOnly:
-    """A source of logs whose velocities and accelerations are left out."""
+class Altered(ABC):
+    """A source of logs with something changed in every row."""
 
     source: LogSource
+
+    @abstractmethod
+    def alter(self, log: JointLog) -> JointLog:
+        """Return a piece of the log as changed."""
 
     @property
     def name(self) -> str:
@@ -157,36 +162,30 @@ class PositionsOnly:
 
     def blocks(self, rows: int) -> Iterator[JointLog]:
         """Yield consecutive pieces of at most ``rows`` rows."""
-        for block in self.source.blocks(rows):
-            yield block.positions_only()
+        return map(self.alter, self.source.blocks(rows))
 
     def read(self) -> JointLog:
         """Return the whole log."""
-        return self.source.read().positions_only()
+        return self.alter(self.source.read())
 
 
 @dataclass(frozen=True)
-class Later:
+class PositionsOnly(Altered):
+    """A source of logs whose velocities and accelerations are left out."""
+
+    def alter(self, log: JointLog) -> JointLog:
+        """Return a piece without them."""
+        return log.positions_only()
+
+
+@dataclass(frozen=True)
+class Later(Altered):
     """A source of logs whose time stamps are later by some seconds."""
 
-    source: LogSource
     seconds: float
 
-    @property
-    def name(self) -> str:
-        """Name of the log."""
-        return self.source.name
-
-    def blocks(self, rows: int) -> Iterator[JointLog]:
-        """Yield consecutive pieces of at most ``rows`` rows."""
-        for block in self.source.blocks(rows):
-            yield self._later(block)
-
-    def read(self) -> JointLog:
-        """Return the whole log."""
-        return self._later(self.source.read())
-
-    def _later(self, log: JointLog) -> JointLog:
+    def alter(self, log: JointLog) -> JointLog:
+        """Return a piece with those."""
         return log.replace(t=log.t + self.seconds)
 
 

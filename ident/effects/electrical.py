@@ -9,6 +9,7 @@ import numpy as np
 
 from ident.arrays import FloatArray
 from ident.effects.base import Coefficient, Context, Effect, Shape, Survey, ToldAtLargest
+from ident.effects.elapsed import elapsed
 from ident.effects.ripple import (
     GEAR_HARMONICS,
     POLE_HARMONICS,
@@ -105,11 +106,11 @@ class SensorDrift(Effect):
 
     Attributes:
         since: time stamp [s] at which the drift counts as nought.
-        restarts: whether it does at the start of every segment instead.
+        begins: time stamp [s] at which each log begins, where it does so in each instead.
     """
 
     since: float = 0.0
-    restarts: bool = False
+    begins: tuple[float, ...] = ()
 
     name = "sensor-drift"
     family = "electrical"
@@ -121,7 +122,7 @@ class SensorDrift(Effect):
         """Try it from the earliest time stamp and, where clocks begin anew, from the start of each log."""
         if joint is None:
             return []
-        return [cls(joint, survey.since, restarts) for restarts in ((False, True) if survey.begins else (False,))]
+        return [cls(joint, survey.since, begins) for begins in dict.fromkeys(((), survey.begins))]
 
     def coefficients(self, robot: Robot) -> tuple[Coefficient, ...]:
         """Return the drift in an hour."""
@@ -129,14 +130,7 @@ class SensorDrift(Effect):
 
     def columns(self, context: Context, shape: FloatArray, memory: FloatArray) -> FloatArray:
         """Return the hours since the start."""
-        t = context.motion.t
-        if self.restarts and np.isnan(memory[0]):
-            memory[0] = t[0]
-        return ((t - (memory[0] if self.restarts else self.since)) / 3600.0)[:, None]
-
-    def start(self) -> FloatArray:
-        """Return the time at which the segment starts, not known yet, of a drift that restarts there."""
-        return np.full(int(self.restarts), np.nan)
+        return (elapsed(context.motion.t, self.since, self.begins) / 3600.0)[:, None]
 
 
 @dataclass(frozen=True)

@@ -11,6 +11,7 @@ from ident.arrays import FloatArray
 from ident.compiled import compiled
 from ident.effects.base import Coefficient, Context, Effect, Shape, Survey
 from ident.effects.direction import DirectedEffect
+from ident.effects.elapsed import elapsed
 
 if TYPE_CHECKING:
     from ident.robot import Robot
@@ -26,8 +27,8 @@ class ThermalFriction(DirectedEffect):
     """Friction that changes while the grease warms up (Bittencourt and Gunnarsson 2012).
 
     The joint's heat follows the power that its dry and viscous friction dissipate, with one time constant, or a steady
-    one, or some of both: drives warm up whatever the joint does. The first log starts cold; before any later segment
-    the joint is taken to have moved as usual for its share of the time since, or to have cooled down.
+    one, or some of both: drives warm up whatever the joint does. The first log starts cold, or each; before any later
+    segment the joint is taken to have moved as usual for its share of the time since, or to have cooled down.
     Dry and viscous friction change with the heat, ever less as it grows: viscosity falls exponentially.
 
     Attributes:
@@ -35,7 +36,8 @@ class ThermalFriction(DirectedEffect):
         friction: friction at that speed in force units, against which the share is reported.
         viscous: share of it that is viscous.
         since: time stamp [s] at which the joint was cold.
-        logged: share of the time since then that logs cover; nought where each starts cold.
+        begins: time stamp [s] at which each log begins, where it was so in each instead.
+        logged: share of the time since then that logs cover; nought where each segment starts cold.
         steady: whether the power is, moved or not.
         mixed: whether a share of it is, which is searched for.
     """
@@ -44,6 +46,7 @@ class ThermalFriction(DirectedEffect):
     friction: float = 1.0
     viscous: float = 0.0
     since: float = 0.0
+    begins: tuple[float, ...] = ()
     logged: float = 0.0
     steady: bool = False
     mixed: bool = False
@@ -60,10 +63,11 @@ class ThermalFriction(DirectedEffect):
         if joint is None:
             return []
         figures = (float(figure[joint]) for figure in (survey.pace, survey.friction, survey.viscous))
-        own = cls.seen(survey, joint, *figures, survey.since, survey.logged)
+        own = replace(cls.seen(survey, joint, *figures, survey.since), logged=survey.logged)
         forms = [own, replace(own, logged=1.0, steady=True)]
-        cools = bool(survey.begins) or survey.logged < COVERED
-        return [*forms, *(replace(form, logged=0.0) for form in forms if cools)]
+        if survey.begins:
+            return [*forms, *(replace(form, begins=survey.begins) for form in forms)]
+        return [*forms, *(replace(form, logged=0.0) for form in forms if survey.logged < COVERED)]
 
     def fuller(self, survey: Survey) -> list[Effect]:
         """Return that with a power of which a share is steady."""
@@ -91,8 +95,8 @@ class ThermalFriction(DirectedEffect):
         speed = np.abs(velocity) / max(self.pace, 1e-9)
         standing = float(shape[2]) if self.mixed else float(self.steady)
         power = standing + (1.0 - standing) * speed * (1.0 - self.viscous + self.viscous * speed)
-        t, seconds = np.ascontiguousarray(context.motion.t), float(shape[0])
-        heat = _heat(t, np.nan_to_num(power), seconds, self.since, self.logged, memory)
+        t = elapsed(np.ascontiguousarray(context.motion.t), self.since, self.begins)
+        heat = _heat(t, np.nan_to_num(power), float(shape[0]), self.logged, memory)
         both = np.stack([self.direction(context, memory[2:]), velocity], axis=1)
         return _change(heat, float(shape[1]))[:, None] * both
 
@@ -115,14 +119,12 @@ def _change(heat: Heat, waning: float) -> Heat:
 
 
 @compiled
-def _heat(
-    t: FloatArray, power: FloatArray, seconds: float, since: float, logged: float, memory: FloatArray
-) -> FloatArray:
+def _heat(t: FloatArray, power: FloatArray, seconds: float, logged: float, memory: FloatArray) -> FloatArray:
     out = np.empty(len(t))
     heat, last = memory[0], memory[1]
     for k in range(len(t)):
         if np.isnan(last):
-            heat = -logged * np.expm1(-max(t[k] - since, 0.0) / seconds)
+            heat = -logged * np.expm1(-max(t[k], 0.0) / seconds)
         else:
             heat += (1.0 - np.exp(-(t[k] - last) / seconds)) * (power[k] - heat)
         last = t[k]

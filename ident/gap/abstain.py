@@ -10,7 +10,7 @@ from threadpoolctl import threadpool_limits
 from ident.arrays import FloatArray, IntArray
 from ident.compiled import compiled
 from ident.effects.base import Survey
-from ident.gap.clocks import since_begin
+from ident.effects.elapsed import elapsed
 from ident.gap.counts import counted_acceleration, counted_force
 from ident.gap.panel import Panel
 
@@ -50,7 +50,7 @@ def explainable(panel: Panel, survey: Survey, joint: int, residual: FloatArray, 
     names, features = signals(panel, survey, joint)
     chosen = np.arange(0, len(rows), max(1, len(rows) // LEARNT_ROWS))
     x, y = features[rows[chosen]], residual[chosen]
-    t = since_begin(panel.motion.t, survey.begins)[rows[chosen]]
+    t = elapsed(panel.motion.t, 0.0, survey.begins)[rows[chosen]]
     fold = (t // STRETCH).astype(np.int64) % FOLDS
     predicted, weight = np.zeros(len(y)), np.zeros(len(names))
     rng = np.random.default_rng(0)
@@ -101,7 +101,7 @@ def signals(panel: Panel, survey: Survey, joint: int) -> tuple[list[str], FloatA
         ("t", panel.motion.t),
     ]
     if survey.begins:
-        columns.append(("t", since_begin(panel.motion.t, survey.begins)))
+        columns.append(("t", elapsed(panel.motion.t, 0.0, survey.begins)))
     for width in PLAY:
         states = [
             _play(np.ascontiguousarray(b.motion.q[:, joint]), width)[r]

@@ -6,10 +6,8 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 
-import numpy as np
-
-from ident.arrays import FloatArray
 from ident.effects.base import Term
+from ident.effects.elapsed import PAUSE
 from ident.effects.electrical import SensorDrift
 from ident.effects.thermal import ThermalFriction
 from ident.log import Later, LogSource
@@ -21,16 +19,14 @@ ROWS = 65536
 CLOCKED = {SensorDrift.name, ThermalFriction.name}
 """Effects that follow the clock from log to log."""
 
-PAUSE = 1.0
-"""Seconds from the end of one log to the beginning of the next."""
-
 
 @dataclass(frozen=True)
 class Clock:
     """What one clock for logs whose own each begin anew says.
 
     Attributes:
-        begins: time stamp [s] at which each log begins; none where one clock has stamped them as they are.
+        begins: time stamp [s] at which each log begins, the first the earliest of their own clocks; none where one
+            clock has stamped them as they are.
         later: seconds by which it is ahead of the own clock of a log that follows them.
     """
 
@@ -45,14 +41,14 @@ AS_STAMPED = Clock()
 def on_one_clock(model: CurrentModel, logs: Sequence[LogSource]) -> tuple[Sequence[LogSource], Clock]:
     """Put logs whose time stamps overlap one after the other, as they are given: heat and drift then go on.
 
-    Of a log that stands alone no clock can be said to begin anew; of logs of several segments what begins anew in each
-    log would in each segment; and a model that has what follows the clock knows what that of the logs means.
+    Of a log that stands alone no clock can be said to begin anew; and a model that has what follows the clock knows
+    what that of the logs means.
     """
-    segments, spans = zip(*map(_stamps, logs), strict=True)
-    anew = max(segments) == 1 and any(after[0] < before[1] for before, after in pairwise(sorted(spans)))
+    spans = [_span(source) for source in logs]
+    anew = any(after[0] < before[1] for before, after in pairwise(sorted(spans)))
     if not anew or any(term.effect.name in CLOCKED for term in model.terms):
         return logs, AS_STAMPED
-    begins, later = [spans[0][0]], list[LogSource]()
+    begins, later = [min(first for first, _ in spans)], list[LogSource]()
     for source, (first, last) in zip(logs, spans, strict=True):
         later.append(Later(source, begins[-1] - first))
         begins.append(begins[-1] + last - first + PAUSE)
@@ -61,23 +57,17 @@ def on_one_clock(model: CurrentModel, logs: Sequence[LogSource]) -> tuple[Sequen
 
 def by_own_clock(model: CurrentModel, clock: Clock) -> CurrentModel:
     """A model found with logs on one clock, as it holds for a log that follows them and has a clock of its own."""
-    terms = [_earlier(term, clock.later) if term.effect.name in CLOCKED else term for term in model.terms]
-    return replace(model, terms=tuple(terms)) if clock.begins else model
+    if not clock.begins:
+        return model
+    terms = [_own(term, clock) if term.effect.name in CLOCKED else term for term in model.terms]
+    return replace(model, terms=tuple(terms))
 
 
-def _earlier(term: Term, seconds: float) -> Term:
-    assert isinstance(term.effect, SensorDrift | ThermalFriction)
-    return replace(term, effect=replace(term.effect, since=term.effect.since - seconds))
-
-
-def since_begin(t: FloatArray, begins: tuple[float, ...]) -> FloatArray:
-    """Seconds (N,) since the log of each time stamp (N,) began; the stamp where one clock has stamped all."""
-    if not begins:
-        return t
-    starts = np.array(begins)
-    # From within the pause, for a log's first stamp may be rounded to before it begins.
-    passed: FloatArray = t - starts[np.searchsorted(starts[1:] - 0.5 * PAUSE, t)]
-    return passed
+def _own(term: Term, clock: Clock) -> Term:
+    effect = term.effect
+    assert isinstance(effect, SensorDrift | ThermalFriction)
+    since = clock.begins[0] if effect.begins else effect.since - clock.later
+    return replace(term, effect=replace(effect, since=since, begins=()))
 
 
 def clock_warnings(clock: Clock, named: Iterable[str]) -> list[str]:
@@ -91,8 +81,7 @@ def clock_warnings(clock: Clock, named: Iterable[str]) -> list[str]:
     ]
 
 
-def _stamps(source: LogSource) -> tuple[int, tuple[float, float]]:
-    """How many segments a log has, and its first and last time stamp [s]."""
-    blocks = [(int(b.segment[0]), float(b.t[0]), float(b.t[-1])) for b in source.blocks(ROWS) if len(b) > 0]
-    first, last = min((b[1] for b in blocks), default=0.0), max((b[2] for b in blocks), default=0.0)
-    return len({number for number, _, _ in blocks}), (first, last)
+def _span(source: LogSource) -> tuple[float, float]:
+    """A log's first and last time stamp [s]."""
+    stamps = [t for block in source.blocks(ROWS) if len(block) > 0 for t in (float(block.t[0]), float(block.t[-1]))]
+    return min(stamps, default=0.0), max(stamps, default=0.0)

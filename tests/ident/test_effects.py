@@ -108,7 +108,7 @@ VARIANTS = (
     CableSpring(1, side=-1, middle=0.1, half=0.8),
     ThermalFriction(1, steady=True),
     ThermalFriction(1, mixed=True),
-    SensorDrift(1, restarts=True),
+    SensorDrift(1, begins=(0.0, 2.0)),
     LoadFriction(1, per_newton_metre=2.0),
     GearRipple(1, harmonics=2, largest=5.0),
     GearRipple(1, harmonics=3, rolls=True),

@@ -7,11 +7,12 @@ import pytest
 from planar_arm import NOISE, motion, record
 
 from ident.effects.base import Term
+from ident.effects.elapsed import PAUSE, elapsed
 from ident.effects.electrical import SensorDrift
 from ident.effects.friction import Coulomb
 from ident.effects.thermal import ThermalFriction
 from ident.gap import baseline_model, find_gap
-from ident.gap.clocks import PAUSE, Clock, by_own_clock, clock_warnings, on_one_clock, since_begin
+from ident.gap.clocks import Clock, by_own_clock, clock_warnings, on_one_clock
 from ident.log import JointLog, Later
 from ident.model import CurrentModel
 
@@ -36,16 +37,20 @@ def test_logs_of_one_clock_are_left_as_they_are(plain):
 def test_logs_whose_clocks_begin_anew_follow_one_another(plain):
     logs, clock = on_one_clock(plain, [log(2.0, 7.0, "a"), log(0.0, 4.0, "b")])
     assert [source.name for source in logs] == ["a", "b"]
-    assert clock == Clock((2.0, 7.0 + PAUSE), 9.0 + 2.0 * PAUSE)
-    for source, span in zip(logs, ((2.0, 7.0), (7.0 + PAUSE, 11.0 + PAUSE)), strict=True):
+    assert clock == Clock((0.0, 5.0 + PAUSE), 9.0 + 2.0 * PAUSE)
+    for source, span in zip(logs, ((0.0, 5.0), (5.0 + PAUSE, 9.0 + PAUSE)), strict=True):
         whole = source.read()
         np.testing.assert_allclose(whole.t[[0, -1]], span)
         np.testing.assert_array_equal(np.concatenate([block.t for block in source.blocks(4)]), whole.t)
 
 
-def test_logs_of_several_segments_are_left_as_they_are(plain):
-    parted = [log(0.0, 5.0).replace(segment=np.repeat([0, 1], [5, 6])), log(0.0, 4.0)]
-    assert on_one_clock(plain, parted) == (parted, Clock())
+def test_segments_of_a_log_stay_on_its_clock(plain):
+    parted = log(0.0, 5.0).replace(segment=np.repeat([0, 1], [5, 6]))
+    (one, other), clock = on_one_clock(plain, [parted, parted])
+    assert clock.begins == (0.0, 5.0 + PAUSE)
+    for source, begin in ((one, 0.0), (other, 5.0 + PAUSE)):
+        np.testing.assert_allclose(source.read().t, parted.t + begin)
+        np.testing.assert_array_equal(source.read().segment, parted.segment)
 
 
 def test_a_model_of_what_follows_the_clock_knows_that_of_the_logs(plain):
@@ -55,11 +60,13 @@ def test_a_model_of_what_follows_the_clock_knows_that_of_the_logs(plain):
 
 
 def test_a_model_holds_for_the_log_that_follows(plain):
-    terms = (Term(ThermalFriction(1, since=2.0)), Term(Coulomb(0)), Term(SensorDrift(0, since=2.0)))
-    model = replace(plain, terms=terms)
-    found = by_own_clock(model, Clock((2.0, 8.0), 11.0)).terms
-    assert (found[0].effect.since, found[2].effect.since) == (-9.0, -9.0)
-    assert found[1] is terms[1]
+    begins = (2.0, 8.0)
+    effects = (ThermalFriction(1, since=2.0), Coulomb(0), SensorDrift(0, since=2.0, begins=begins))
+    model = replace(plain, terms=tuple(map(Term, effects)))
+    found = by_own_clock(model, Clock(begins, 11.0)).terms
+    assert found[0].effect == ThermalFriction(1, since=-9.0)
+    assert found[1] is model.terms[1]
+    assert found[2].effect == SensorDrift(0, since=2.0)
     assert by_own_clock(model, Clock()) is model
 
 
@@ -67,8 +74,8 @@ def test_the_time_since_a_log_began_is_that_of_its_own_clock(plain):
     logs, clock = on_one_clock(plain, [log(0.0, 5.0), log(0.0, 4.0)])
     t = np.concatenate([source.read().t for source in logs])
     own = np.concatenate([log(0.0, 5.0).t, log(0.0, 4.0).t])
-    np.testing.assert_allclose(since_begin(t, clock.begins), own, atol=1e-12)
-    np.testing.assert_array_equal(since_begin(own, ()), own)
+    np.testing.assert_allclose(elapsed(t, 0.0, clock.begins), own, atol=1e-12)
+    np.testing.assert_array_equal(elapsed(own, 1.0), own - 1.0)
 
 
 def test_only_names_that_follow_the_clock_are_warned_of():
@@ -115,7 +122,7 @@ def test_a_joint_that_is_warm_from_the_log_before_warms_up(arm, goes_on):
     (one,) = found.findings
     assert (one.effect, one.joints) == ("thermal-friction", (1,))
     effect = one.terms[0].effect
-    assert (effect.logged > 0.0) == goes_on
+    assert bool(effect.begins) is not goes_on
     assert found.evidence.after[1] < 1.06 * NOISE < 0.8 * found.evidence.before[1]
 
 
@@ -129,7 +136,7 @@ def test_an_offset_that_drifts_from_log_to_log_drifts(arm, goes_on):
     found = find_gap(baseline_model(arm, train), train, [drifted(3, SEEDS[3])])
     (one,) = found.findings
     assert (one.effect, one.joints) == ("sensor-drift", (1,))
-    assert one.terms[0].effect.restarts is not goes_on
+    assert bool(one.terms[0].effect.begins) is not goes_on
     assert any("clock begins anew" in warning and "sensor-drift" in warning for warning in found.warnings)
     assert found.evidence.after[1] < 1.06 * NOISE
     assert found.evidence.before[1] > 1.08 * NOISE
