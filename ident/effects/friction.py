@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -16,6 +16,9 @@ if TYPE_CHECKING:
 
 SLOWEST_SIGMOID = 0.015
 """Speed [rad/s or m/s] below which a rise of friction is but the smoothing of a sign."""
+
+FASTEST, GEARED = 0.2, 50.0
+"""Speed [rad/s or m/s] by which friction has fallen or risen at most, of a joint with that gear ratio or more."""
 
 MOST_SWINGS = 24.0
 """Swings of friction a turn (a metre) at most; more are teeth."""
@@ -82,9 +85,11 @@ class Stribeck(DirectedEffect):
 
     Attributes:
         power: of the speed in the exponent, from 1/2 to 2 by author; None has it searched.
+        fastest: greatest Stribeck speed [rad/s or m/s].
     """
 
     power: float | None = 2.0
+    fastest: float = FASTEST
 
     name = "stribeck"
     family = "friction"
@@ -94,12 +99,12 @@ class Stribeck(DirectedEffect):
     @classmethod
     def candidates(cls, survey: Survey, joint: int | None) -> list[Effect]:
         """Try it with any power."""
-        return [] if joint is None else [cls.seen(survey, joint, None)]
+        return [] if joint is None else [cls.seen(survey, joint, None, _fastest(survey, joint))]
 
     @property
     def shapes(self) -> tuple[Shape, ...]:
         """Return the Stribeck speed, and its power if that is searched."""
-        speed = Shape("speed", "{angle}/s", 4e-3, 0.2, (0.04, 0.01, 0.1))
+        speed = Shape("speed", "{angle}/s", 4e-3, self.fastest, _speeds((0.04, 0.01, 0.1), self.fastest))
         power = Shape("power", "1", 0.4, 2.5, (1.0, 2.0), log=False, ends=(False, False))
         return (speed,) if self.power is not None else (speed, power)
 
@@ -142,9 +147,11 @@ class Sigmoid(VelocityEffect):
 
     Attributes:
         slowest: least speed [rad/s or m/s] over which the sigmoid may rise.
+        fastest: greatest.
     """
 
     slowest: float = 1e-3
+    fastest: float = FASTEST
 
     name = "sigmoid"
     family = "friction"
@@ -156,13 +163,14 @@ class Sigmoid(VelocityEffect):
     @classmethod
     def candidates(cls, survey: Survey, joint: int | None) -> list[Effect]:
         """Try it wider than the smoothing of a sign could be."""
-        return [] if joint is None else [cls.seen(survey, joint, SLOWEST_SIGMOID)]
+        return [] if joint is None else [cls.seen(survey, joint, SLOWEST_SIGMOID, _fastest(survey, joint))]
 
     @property
     def shapes(self) -> tuple[Shape, ...]:
         """Return the speed over which the sigmoid rises (1/phi2) and its shift (phi3)."""
+        starts = (0.03, max(0.006, 1.2 * self.slowest), 0.1)
         return (
-            Shape("speed", "{angle}/s", self.slowest, 0.2, (0.03, max(0.006, 1.2 * self.slowest), 0.1)),
+            Shape("speed", "{angle}/s", self.slowest, self.fastest, _speeds(starts, self.fastest)),
             Shape("shift", "{angle}/s", -0.1, 0.1, (0.0,), log=False),
         )
 
@@ -246,12 +254,16 @@ class ViscousNonlinear(DirectedEffect):
 class LoadFriction(DirectedEffect):
     """Dry friction that grows with the torque that the gear transmits (Hamon et al. 2010; Wahrburg et al. 2018).
 
+    Gears lose another share of it where the load drives the motor (Dohring et al. 1993).
+
     Attributes:
         per_newton_metre: force units per N m, of one whose load is that of the URDF's bodies; nought where it is that
             of the model's links.
+        driven: whether that share is its own.
     """
 
     per_newton_metre: float = 0.0
+    driven: bool = False
 
     name = "load-friction"
     family = "friction"
@@ -265,20 +277,27 @@ class LoadFriction(DirectedEffect):
             return []
         return [cls.seen(survey, joint, load) for load in (0.0, float(survey.per_newton_metre[joint]))]
 
+    def fuller(self, survey: Survey) -> list[Effect]:
+        """Return that which loses a share of its own where the load drives the motor."""
+        return [] if self.driven else [replace(self, driven=True)]
+
     @property
     def needs(self) -> tuple[str, ...]:
         """The load, unless it is that of the URDF's bodies."""
         return () if self.per_newton_metre else ("load",)
 
     def coefficients(self, robot: Robot) -> tuple[Coefficient, ...]:
-        """Return the friction per unit of load, a pure number, never negative."""
-        return (Coefficient("force", "1", lower=0.0),)
+        """Return the friction per unit of load, a pure number, never negative; and where the load drives."""
+        return tuple(Coefficient(name, "1", lower=0.0) for name in ("force", "driven")[: 1 + self.driven])
 
     def columns(self, context: Context, shape: FloatArray, memory: FloatArray) -> FloatArray:
-        """Return sign(dq) |load|."""
-        fitted = not self.per_newton_metre
-        load = context.needed("load", self.name) if fitted else self.per_newton_metre * context.bodies_load
-        return (self.direction(context, memory) * np.abs(load[:, self.at]))[:, None]
+        """Return sign(dq) |load|, or two: that where the motor drives, and where the load does."""
+        per = self.per_newton_metre
+        load = (per * context.bodies_load if per else context.needed("load", self.name))[:, self.at]
+        direction, size = self.direction(context, memory), np.abs(load)
+        if not self.driven:
+            return (direction * size)[:, None]
+        return 0.5 * direction[:, None] * np.stack([size + direction * load, size - direction * load], axis=1)
 
 
 @dataclass(frozen=True)
@@ -338,6 +357,19 @@ class PositionFriction(DirectedEffect):
         force, phase = float(np.hypot(*coefficients[:2])), float(np.arctan2(coefficients[1], coefficients[0]))
         second = float(np.linalg.norm(coefficients[2:]))
         return {"force": force, "second_harmonic": second, "per_turn": float(shape[0]), "phase": phase}
+
+
+def _fastest(survey: Survey, joint: int) -> float:
+    """Greatest speed by which friction has fallen or risen: that of the motor counts, where the gear ratio is known."""
+    ratio = survey.robot.gear_ratio
+    if ratio is None or survey.robot.multibody.prismatic[joint]:
+        return FASTEST
+    return FASTEST * max(1.0, GEARED / float(ratio[joint]))
+
+
+def _speeds(starts: tuple[float, ...], fastest: float) -> tuple[float, ...]:
+    """Starts, and one beyond them where there is room."""
+    return (*starts, 0.5 * fastest) if fastest > 2.0 * max(starts) else starts
 
 
 def _logistic(x: FloatArray) -> FloatArray:
