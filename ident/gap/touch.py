@@ -42,9 +42,9 @@ takes up whatever is smaller than itself, and that is no touch unless another jo
 RAREST = 0.25
 """Touches fill at most this share of the time, and half of the motion; what is there more often is no touch."""
 
-PASSES, AGAIN, MOSTLY = 3, 0.5, 0.75
-"""Other passes through where a joint was touched that must be known; what is there again in this share of its size in
-most of them is the joint's own (a worn tooth): no touch comes back with an angle."""
+PASSES, AGAIN, MOSTLY = 3, 0.25, 0.5
+"""Other passes through where a joint was touched that must be known; what is there again on either side, in this share
+of its size, in so many of them is the joint's own (a worn tooth): no touch comes back with an angle."""
 
 RINGS = 4
 """Times that what looks like a touch changes sides, one soon after the other, from which on it rings untouched."""
@@ -189,15 +189,15 @@ def _comes_back(
         first: the first of the rows.
         end: the end of them.
     """
-    signed = residual * np.sign(residual[first:end].mean())
+    signed = residual[first:end] * np.sign(residual[first:end].mean())
     # The averaging drags its ends out.
-    own = first + np.flatnonzero(signed[first:end] >= signed[first:end].mean())
+    own = first + np.flatnonzero(signed >= signed.mean())
     if moving[own].mean() <= 0.5:
         return False
     inside = moving & (position >= position[own].min()) & (position <= position[own].max())
     inside[first:end] = False
-    passes = np.array([signed[a:b].mean() for _, a, b in _pieces(inside[:, None], edges)])
-    return len(passes) >= PASSES and float(np.mean(passes > AGAIN * signed[own].mean())) >= MOSTLY
+    passes = np.array([abs(residual[a:b].mean()) for _, a, b in _pieces(inside[:, None], edges)])
+    return len(passes) >= PASSES and float(np.mean(passes > AGAIN * abs(residual[own].mean()))) >= MOSTLY
 
 
 def _ringing(large: BoolArray, averaged: FloatArray, edges: IntArray, margin: int) -> Iterator[tuple[int, int, int]]:
