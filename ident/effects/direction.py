@@ -35,6 +35,10 @@ class VelocityEffect(Effect):
         """Return the same effect with the direction of another of its joint."""
         return replace(self, smoothing=friction.smoothing)
 
+    def turns_over(self, shape: FloatArray) -> float:
+        """Return the speed [rad/s or m/s] over which friction of that shape turns."""
+        return self.smoothing
+
     def velocity(self, context: Context) -> FloatArray:
         """Return the joint's velocity (N,)."""
         return context.motion.dq[:, self.at]

@@ -194,7 +194,11 @@ class Sigmoid(VelocityEffect):
 
     def summary(self, robot: Robot, shape: FloatArray, coefficients: FloatArray) -> dict[str, float | list[float]]:
         """Return force and speed of the same law written force tanh((dq + shift) / speed): force is that of one way."""
-        return {"force": float(0.5 * coefficients[0]), "speed": float(2.0 * shape[0]), "shift": float(shape[1])}
+        return {"force": float(0.5 * coefficients[0]), "speed": self.turns_over(shape), "shift": float(shape[1])}
+
+    def turns_over(self, shape: FloatArray) -> float:
+        """Return the speed of the same law written as a hyperbolic tangent."""
+        return float(2.0 * shape[0])
 
 
 @dataclass(frozen=True)

@@ -8,7 +8,7 @@ import numpy as np
 
 from ident.arrays import FloatArray
 from ident.effects.base import Survey
-from ident.effects.direction import VelocityEffect
+from ident.effects.direction import SMOOTHING, VelocityEffect
 from ident.errors import InputError
 from ident.gap.edge import edge_columns
 from ident.gap.folds import folds_of
@@ -53,11 +53,8 @@ def survey_of(model: CurrentModel, panel: Panel, begins: tuple[float, ...] = ())
     """Facts about the logs that candidates are built from."""
     robot = model.robot
     speed = np.abs(panel.velocity)
-    smoothing = np.full(robot.n, 5e-3)
     dry, viscous = _holds(model), np.zeros(robot.n)
     for term in model.terms:
-        if isinstance(term.effect, VelocityEffect):
-            smoothing[term.effect.at] = term.effect.smoothing
         if term.effect.name in OF_SPEED:
             force = panel.columns(term.effect, term.shape, term.effect.at) @ term.coefficients
             viscous[term.effect.at] += np.abs(force).mean()
@@ -66,7 +63,7 @@ def survey_of(model: CurrentModel, panel: Panel, begins: tuple[float, ...] = ())
     since, last = min(start for start, _ in stamps), max(end for _, end in stamps)
     return Survey(
         robot=robot,
-        smoothing=smoothing,
+        smoothing=np.array([_smoothing(model, j) for j in range(robot.n)]),
         presliding=model.presliding,
         presliding_exponent=model.presliding_exponent,
         pace=speed.mean(axis=0),
@@ -123,6 +120,12 @@ def held_of(model: CurrentModel, panel: Panel, joint: int) -> JointGap:
 def left_by(model: CurrentModel, panel: Panel) -> FloatArray:
     """What a model as it is leaves of all rows, (N, n)."""
     return np.stack([held_of(model, panel, j).target for j in range(model.n)], axis=1)
+
+
+def _smoothing(model: CurrentModel, joint: int) -> float:
+    """Speed over which a joint's friction turns: of a rise that stands for dry friction, that of the rise."""
+    own = [term for term in model.terms if term.effect.joint == joint]
+    return max((t.effect.turns_over(t.shape) for t in own if isinstance(t.effect, VelocityEffect)), default=SMOOTHING)
 
 
 def _per_newton_metre(model: CurrentModel, panel: Panel, nominal: FloatArray) -> FloatArray:
