@@ -10,7 +10,7 @@ import numpy as np
 from ident.arrays import FloatArray
 from ident.compiled import compiled
 from ident.effects.base import Coefficient, Context, Effect, Shape, Survey
-from ident.effects.two_masses import LINK_FRICTION, link_behind
+from ident.effects.two_masses import LINK_FRICTION, link_behind, motor_inertia
 
 if TYPE_CHECKING:
     from ident.robot import Robot
@@ -179,10 +179,7 @@ class Backlash(Effect):
         hertz = Shape("hertz", "Hz", 5.0, 100.0, (18.0,), ends=(True, False))
         damping = Shape("damping", "1", 0.02, 2.0, (0.3,), ends=(False, False))
         braked = (LINK_FRICTION,) if self.dry > 0.0 else ()
-        motor = Shape(
-            "motor_inertia", "{current} s^2/{angle}", 0.0, 2.0 * self.motor, (self.motor,), False, (False, False)
-        )
-        return (gap, hertz, damping, *braked, *((motor,) if self.motor > 0.0 else ()))
+        return (gap, hertz, damping, *braked, *motor_inertia(self.motor))
 
     def coefficients(self, robot: Robot) -> tuple[Coefficient, ...]:
         """Return the share of the load that is missing inside the gap.

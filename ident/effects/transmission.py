@@ -10,7 +10,7 @@ import numpy as np
 from ident.arrays import FloatArray
 from ident.compiled import compiled
 from ident.effects.base import Coefficient, Context, Effect, Shape, Survey, ToldAtLargest
-from ident.effects.two_masses import LINK_FRICTION, link_behind
+from ident.effects.two_masses import LINK_FRICTION, link_behind, motor_inertia
 
 if TYPE_CHECKING:
     from ident.robot import Robot
@@ -116,6 +116,10 @@ class Elasticity(ToldAtLargest):
         dry: the joint's dry friction, of which a share brakes a link that swings; nought where none does.
         least: wind-up of a braked spring by which its link rings at the filter's cut-off: how friction makes it ring
             beyond that is not seen, and what the filter smears of friction looks like it.
+        motor: what a link that swings has not of the joint's inertia (see ``Backlash``), about; nought where all is
+            taken for its own.
+        even: the joint's mean inertia, of a spring whose link rings at one frequency in all poses; nought of one that
+            has one stiffness.
     """
 
     everywhere: bool = False
@@ -123,6 +127,8 @@ class Elasticity(ToldAtLargest):
     rings: bool = False
     dry: float = 0.0
     least: float = 1e-4
+    motor: float = 0.0
+    even: float = 0.0
 
     name = "elasticity"
     family = "transmission"
@@ -144,12 +150,19 @@ class Elasticity(ToldAtLargest):
         largest, dry = float(survey.largest[joint]), float(survey.holds[joint])
         least = largest / max(float(survey.inertia[joint]) * (2.0 * np.pi * survey.cutoff) ** 2, 1e-12)
         plain = cls(joint, largest, everywhere)
-        forms: list[Effect] = [plain, replace(plain, rings=True)]
+        rings = replace(plain, rings=True)
+        forms: list[Effect] = [plain, rings]
         if everywhere:
-            forms.append(replace(plain, slow=True))
+            forms += [replace(plain, slow=True), *rings.fuller(survey)]
         if dry > 0.0 and least < SOFTEST:
             forms.append(replace(plain, rings=True, dry=dry, least=least))
         return forms
+
+    def fuller(self, survey: Survey) -> list[Effect]:
+        """Return a spring whose link lacks the motor's inertia and rings at one frequency, as of an axis by itself."""
+        motor, even = float(survey.motor[self.at]), float(survey.inertia[self.at])
+        plain = self.rings and self.dry == 0.0 and self.even == 0.0
+        return [replace(self, motor=motor, even=even)] if plain and even > 0.0 else []
 
     @property
     def acts_on(self) -> int | None:
@@ -164,7 +177,8 @@ class Elasticity(ToldAtLargest):
             starts = np.geomspace(max(3e-4, 1.3 * low), WIDEST, 10).tolist()
             wound = Shape("wound", "{angle}", low, 1.0, tuple(starts), ends=(True, True))
             damping = Shape("damping", "1", 0.005, 0.7, (0.1,) if self.dry > 0.0 else (0.05, 0.3), ends=(False, False))
-            return (wound, damping, LINK_FRICTION) if self.dry > 0.0 else (wound, damping)
+            braked = (LINK_FRICTION,) if self.dry > 0.0 else ()
+            return (wound, damping, *braked, *motor_inertia(self.motor))
         if self.everywhere:
             return ()
         return (Shape("wound", "{angle}", 1e-4, 1.0, (1e-3, 1e-2, 0.1), ends=(False, True)),)
@@ -209,8 +223,13 @@ class Elasticity(ToldAtLargest):
         """Return the change of the load as the link swings on its spring."""
         joint, inertia, slope = self.at, context.inertia[:, :, self.at], context.slope(self.at)
         dry = float(shape[2]) * self.dry if self.dry > 0.0 else 0.0
-        stiffness = np.maximum(self.largest / float(shape[0]) + slope[:, joint], 0.0)
-        wound, onward, rubbed = link_behind(context, joint, stiffness, float(shape[1]), dry, memory)
+        motor = self._motor(shape)
+        stiffness = np.full(len(inertia), self.largest / float(shape[0]))
+        if self.even > 0.0:
+            stiffness *= np.maximum(inertia[:, joint] - motor, 0.0) / self.even
+        stiffness = np.maximum(stiffness + slope[:, joint], 0.0)
+        wound, onward, rubbed = link_behind(context, joint, stiffness, float(shape[1]), dry, memory, motor=motor)
+        rubbed += np.minimum(motor, inertia[:, joint]) * onward
         if not self.everywhere:
             return (rubbed - inertia[:, joint] * onward - slope[:, joint] * wound)[:, None]
         change: FloatArray = -(inertia * onward[:, None] + slope * wound[:, None])
@@ -222,8 +241,13 @@ class Elasticity(ToldAtLargest):
         if self.rings:
             stiffness = float(self.largest / shape[0] * coefficients[0])
             braked = {LINK_FRICTION.name: float(shape[2])} if self.dry > 0.0 else {}
+            if self.even > 0.0:
+                stiffness *= 1.0 - self._motor(shape) / self.even
             return {"stiffness": stiffness, "damping": float(shape[1]), **braked}
         return {"stiffness": float(self.largest / coefficients[0]) if coefficients[0] else float("inf")}
+
+    def _motor(self, shape: FloatArray) -> float:
+        return float(shape[-1]) if self.motor > 0.0 else 0.0
 
 
 WIDEST = 0.3

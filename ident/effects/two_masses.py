@@ -19,6 +19,13 @@ LINK_FRICTION = Shape("link_friction", "1", 0.0, 1.0, (0.2,), log=False, ends=(F
 """Share of a joint's dry friction that brakes the link and not the motor."""
 
 
+def motor_inertia(about: float) -> tuple[Shape, ...]:
+    """What of a joint's inertia is its motor's, to be searched for where that is about so much and not nought."""
+    unit = "{current} s^2/{angle}"
+    shape = Shape("motor_inertia", unit, 0.0, 2.0 * about, (about,), log=False, ends=(False, False))
+    return (shape,) if about > 0.0 else ()
+
+
 def link_behind(
     context: Context,
     joint: int,
