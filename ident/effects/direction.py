@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
-from typing import ClassVar, Self
+from typing import Self
 
 import numpy as np
 
@@ -55,13 +55,15 @@ class DirectedEffect(VelocityEffect):
     Attributes:
         presliding: displacement [rad or m] over which it would build up from none as it begins to; nought for none.
         presliding_exponent: from nought, where friction yields like a spring until it slips, to one.
-        remembers: whether it remembers more than its direction.
     """
 
     presliding: float = field(default=0.0, kw_only=True)
     presliding_exponent: float = field(default=1.0, kw_only=True)
 
-    remembers: ClassVar[bool] = False
+    @property
+    def remembers(self) -> bool:
+        """Whether it remembers more than its direction."""
+        return False
 
     @classmethod
     def seen(cls, survey: Survey, joint: int, *options: float | None) -> Self:

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ident.arrays import FloatArray
+from ident.compiled import compiled
 from ident.effects.base import Coefficient, Context, Effect, Shape, Survey
 from ident.effects.direction import DirectedEffect, VelocityEffect
 
@@ -83,13 +84,17 @@ class CoulombAsymmetry(DirectedEffect):
 class Stribeck(DirectedEffect):
     """Extra friction at low speed that vanishes as a lubricant film builds up (Armstrong-Helouvry et al. 1994).
 
+    A film takes its time (frictional memory, Hess and Soom 1990): it then follows the speed with a time constant.
+
     Attributes:
         power: of the speed in the exponent, from 1/2 to 2 by author; None has it searched.
         fastest: greatest Stribeck speed [rad/s or m/s].
+        lags: whether the film takes its time, or is there at once.
     """
 
     power: float | None = 2.0
     fastest: float = FASTEST
+    lags: bool = False
 
     name = "stribeck"
     family = "friction"
@@ -101,12 +106,26 @@ class Stribeck(DirectedEffect):
         """Try it with any power."""
         return [] if joint is None else [cls.seen(survey, joint, None, _fastest(survey, joint))]
 
+    def fuller(self, survey: Survey) -> list[Effect]:
+        """Return that with a film that takes its time."""
+        return [] if self.lags else [replace(self, lags=True)]
+
+    @property
+    def remembers(self) -> bool:
+        """Whether a film does."""
+        return self.lags
+
     @property
     def shapes(self) -> tuple[Shape, ...]:
-        """Return the Stribeck speed, and its power if that is searched."""
+        """Return the Stribeck speed, its power if that is searched, and the time constant of a film that lags."""
         speed = Shape("speed", "{angle}/s", 4e-3, self.fastest, _speeds((0.04, 0.01, 0.1), self.fastest))
         power = Shape("power", "1", 0.4, 2.5, (1.0, 2.0), log=False, ends=(False, False))
-        return (speed,) if self.power is not None else (speed, power)
+        lag = Shape("lag", "s", 5e-3, 0.5, (0.05,), ends=(False, False))
+        return (speed, *(() if self.power is not None else (power,)), *((lag,) if self.lags else ()))
+
+    def start(self) -> FloatArray:
+        """Return a lagging film's speed and the last time stamp, not known yet, and what its direction asks."""
+        return np.concatenate([[0.0, np.nan] if self.lags else [], super().start()])
 
     def coefficients(self, robot: Robot) -> tuple[Coefficient, ...]:
         """Return static minus Coulomb friction, never negative."""
@@ -114,19 +133,27 @@ class Stribeck(DirectedEffect):
 
     def columns(self, context: Context, shape: FloatArray, memory: FloatArray) -> FloatArray:
         """Return sign(dq) exp(-|dq/speed|^power)."""
-        fading = np.exp(-(self._ratio(context, shape) ** self.exponent(shape)))
-        return (self.direction(context, memory) * fading)[:, None]
+        ratio = self._ratio(context, shape, memory)
+        fading = np.exp(-(ratio ** self.exponent(shape)))
+        return (self.direction(context, memory[2:] if self.lags else memory) * fading)[:, None]
 
     def gradient(self, context: Context, shape: FloatArray) -> FloatArray:
-        """Differentiate the columns by the Stribeck speed and its power."""
-        ratio, power = self._ratio(context, shape), self.exponent(shape)
+        """Differentiate the columns by the Stribeck speed and its power, of a film that lags as any law's."""
+        if self.lags:
+            return super().gradient(context, shape)
+        ratio, power = self._ratio(context, shape, self.start()), self.exponent(shape)
         change = self.direction(context, self.start()) * np.exp(-(ratio**power)) * ratio**power
         by_shape = np.stack([change * power / float(shape[0]), -change * np.log(ratio)])
         return by_shape[: len(shape), :, None]
 
     def summary(self, robot: Robot, shape: FloatArray, coefficients: FloatArray) -> dict[str, float | list[float]]:
         """Return the excess, the speed at which 1/e of it is left, and the power of the speed."""
-        return {"force": float(coefficients[0]), "speed": float(shape[0]), "power": self.exponent(shape)}
+        told: dict[str, float | list[float]] = {
+            "force": float(coefficients[0]),
+            "speed": float(shape[0]),
+            "power": self.exponent(shape),
+        }
+        return {**told, "lag": float(shape[-1])} if self.lags else told
 
     def exponent(self, shape: FloatArray) -> float:
         """Return the power of the speed, given or searched.
@@ -136,9 +163,27 @@ class Stribeck(DirectedEffect):
         """
         return float(shape[1]) if self.power is None else self.power
 
-    def _ratio(self, context: Context, shape: FloatArray) -> FloatArray:
+    def _ratio(self, context: Context, shape: FloatArray, memory: FloatArray) -> FloatArray:
+        speed = np.abs(self.velocity(context))
+        if self.lags:
+            speed = _followed(np.ascontiguousarray(context.motion.t), speed, float(shape[-1]), memory)
         # Away from nought, where the logarithm of the gradient ends.
-        return np.abs(self.velocity(context)) / float(shape[0]) + 1e-12
+        return speed / float(shape[0]) + 1e-12
+
+
+@compiled
+def _followed(t: FloatArray, speed: FloatArray, lag: float, memory: FloatArray) -> FloatArray:
+    """A speed (N,) as what follows it with a time constant has it; samples without one are passed over."""
+    out = np.empty(len(t))
+    film, last = memory[0], memory[1]
+    for k in range(len(t)):
+        out[k] = np.nan
+        if not np.isnan(speed[k]):
+            film = speed[k] if np.isnan(last) else film + (1.0 - np.exp(-(t[k] - last) / lag)) * (speed[k] - film)
+            last = t[k]
+            out[k] = film
+    memory[0], memory[1] = film, last
+    return out
 
 
 @dataclass(frozen=True)

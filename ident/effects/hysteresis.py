@@ -47,7 +47,7 @@ class MaxwellSlip(Effect):
     @property
     def shapes(self) -> tuple[Shape, ...]:
         """Return the saturation displacement of the middle element."""
-        return (Shape("slip", "{angle}", 1e-4, 2e-2, (1e-3, 2.5e-4, 4e-3)),)
+        return (Shape("slip", "{angle}", 1e-4, 0.1, (1e-3, 2.5e-4, 4e-3, 2e-2)),)
 
     def coefficients(self, robot: Robot) -> tuple[Coefficient, ...]:
         """Return the saturation force of each element, never negative."""

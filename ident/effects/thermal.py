@@ -53,7 +53,6 @@ class ThermalFriction(DirectedEffect):
 
     name = "thermal-friction"
     family = "friction"
-    remembers = True
     rivals = ("sensor-drift",)
     excitation = "several minutes of steady motion in both directions from a cold start"
 
@@ -68,6 +67,11 @@ class ThermalFriction(DirectedEffect):
         if survey.begins:
             return [*forms, *(replace(form, begins=survey.begins) for form in forms)]
         return [*forms, *(replace(form, logged=0.0) for form in forms if survey.logged < COVERED)]
+
+    @property
+    def remembers(self) -> bool:
+        """Heat, too."""
+        return True
 
     def fuller(self, survey: Survey) -> list[Effect]:
         """Return that with a power of which a share is steady."""

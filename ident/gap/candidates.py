@@ -214,17 +214,22 @@ def best_trials(panel: Panel, survey: Survey, gate: Gate, effects: Sequence[Effe
         for law, trial in zip(laws, screened, strict=True)
     ]
     least = HINTS * float(np.sum(problem.residual**2))
-    likely = [trial for law, trial in zip(laws, found, strict=True) if law in further and trial.drop > least]
-    found += [_fuller(panel, gate, e, trial, joint) for trial in likely for e in trial.effect.fuller(survey)]
+    likely = [k for k, trial in enumerate(found) if laws[k] in further and trial.drop > least]
+    plain = [(found[k], screened[k]) for k in likely]
+    found += [_fuller(panel, gate, e, both, joint) for both in plain for e in both[0].effect.fuller(survey)]
     return sorted((with_errors(panel, problem, trial, joint) for trial in found), key=_held_out)
 
 
-def _fuller(panel: Panel, gate: Gate, effect: Effect, plain: Trial, joint: int) -> Trial:
-    """A fuller form of a law at the shape that suits it best near that of the plain one, whose parameters are first."""
-    begun = np.append(plain.shape, [more.starts[0] for more in effect.shapes[len(plain.shape) :]])
-    columns = admissible(panel, gate.problem, effect, begun, joint)
-    drops, statistics = gate.look([columns])
-    return refine(panel, gate.problem, [Trial(effect, begun, float(drops[0]), float(statistics[0]))], joint)
+def _fuller(panel: Panel, gate: Gate, effect: Effect, plain: Sequence[Trial], joint: int) -> Trial:
+    """A fuller form of a law at the shape that suits it best near those of the plain one, whose parameters are first.
+
+    Where the plain one began may be nearer to it than where that ended up without what it lacks.
+    """
+    more = [parameter.starts[0] for parameter in effect.shapes[len(plain[0].shape) :]]
+    shapes = [np.append(trial.shape, more) for trial in plain]
+    drops, statistics = gate.look([admissible(panel, gate.problem, effect, shape, joint) for shape in shapes])
+    starts = [Trial(effect, *one) for one in zip(shapes, drops.tolist(), statistics.tolist(), strict=True)]
+    return refine(panel, gate.problem, starts, joint)
 
 
 def _held_out(trial: Trial) -> float:
