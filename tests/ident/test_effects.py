@@ -12,7 +12,7 @@ from ident.effects import load_catalogue
 from ident.effects.base import Context, Effect, initial_term
 from ident.effects.direction import SMOOTHING
 from ident.effects.electrical import Cogging, SensorDrift
-from ident.effects.friction import Coulomb, LoadFriction, PositionFriction, Stribeck, ViscousNonlinear
+from ident.effects.friction import Coulomb, LoadFriction, PositionFriction, Sigmoid, Stribeck, ViscousNonlinear
 from ident.effects.hysteresis import Backlash, MaxwellSlip
 from ident.effects.rigid_body import CableSpring, Links, RotorInertia
 from ident.effects.ripple import GearRipple
@@ -110,6 +110,10 @@ VARIANTS = (
     ThermalFriction(1, mixed=True),
     SensorDrift(1, begins=(0.0, 2.0)),
     LoadFriction(1, per_newton_metre=2.0),
+    LoadFriction(1, driven=True),
+    Stribeck(1, power=None, lags=True),
+    Stribeck(1, power=None, lags=True, presliding=1e-3),
+    Elasticity(1, everywhere=True, rings=True, motor=0.2, even=2.0),
     GearRipple(1, harmonics=2, largest=5.0),
     GearRipple(1, harmonics=3, rolls=True),
 )
@@ -146,6 +150,28 @@ def test_friction_by_the_load_of_bodies_is_that_of_the_urdf(context):
     found = LoadFriction(1, per_newton_metre=2.0).columns(context, nothing, nothing)[:, 0]
     fitted = LoadFriction(1).columns(context, nothing, nothing)[:, 0]
     np.testing.assert_allclose(found * np.abs(context.load[:, 1]), 2.0 * fitted * np.abs(load), atol=1e-9)
+
+
+def test_friction_by_a_load_that_drives_is_apart_from_that_by_one_that_is_driven(context):
+    nothing = np.zeros(0)
+    driving, driven = LoadFriction(1, driven=True).columns(context, nothing, nothing).T
+    onward = context.load[:, 1] * context.motion.dq[:, 1] > 0.0
+    fast = np.abs(context.motion.dq[:, 1]) > 0.1
+    size = np.sign(context.motion.dq[:, 1]) * np.abs(context.load[:, 1])
+    np.testing.assert_allclose(driving[fast], np.where(onward, size, 0.0)[fast], atol=1e-9)
+    np.testing.assert_allclose(driven[fast], np.where(onward, 0.0, size)[fast], atol=1e-9)
+
+
+def test_a_film_that_lags_is_that_of_the_speed_before(context):
+    motion, shape = context.motion, np.array([0.1, 1.0, 0.2])
+    lagging, at_once = (Stribeck(1, power=None, lags=lags) for lags in (True, False))
+    found = lagging.columns(context, shape, lagging.start())[:, 0]
+    film, speed, steps = [], np.abs(motion.dq[:, 1]), np.diff(motion.t, prepend=motion.t[0])
+    for one, step in zip(speed.tolist(), steps.tolist(), strict=True):
+        film.append(one if not film else one + (film[-1] - one) * np.exp(-step / 0.2))
+    sign = np.tanh(motion.dq[:, 1] / lagging.smoothing)
+    np.testing.assert_allclose(found, sign * np.exp(-np.array(film) / 0.1), atol=1e-9)
+    assert not np.allclose(found, at_once.columns(context, shape[:2], at_once.start())[:, 0], atol=0.01)
 
 
 @pytest.mark.parametrize("effect", [*map(acting, sorted(CATALOGUE)), *VARIANTS])
@@ -310,6 +336,21 @@ def test_friction_swings_a_quarter_and_more_over_the_positions_seen(slides, reac
     for (swings,) in (one.shapes, two.shapes):
         assert swings.lower == pytest.approx(fewest, abs=0.01)
         assert all(swings.lower < start < swings.upper for start in swings.starts)
+
+
+@pytest.mark.parametrize(
+    ("gears", "slides", "fastest"), [(None, False, 0.2), (100.0, False, 0.2), (10.0, False, 1.0), (10.0, True, 0.2)]
+)
+def test_friction_falls_and_rises_by_as_much_of_the_motors_speed(gears, slides, fastest):
+    figures = {"smoothing": 2e-3, "presliding": 0.0, "presliding_exponent": 1.0}
+    ratio = None if gears is None else np.full(6, gears)
+    robot = SimpleNamespace(multibody=SimpleNamespace(prismatic=[slides] * 6), gear_ratio=ratio)
+    survey = SimpleNamespace(robot=robot, **{key: np.full(6, value) for key, value in figures.items()})
+    for kind in (Stribeck, Sigmoid):
+        (law,) = kind.candidates(survey, 1)
+        speed = law.shapes[0]
+        assert speed.upper == pytest.approx(fastest)
+        assert max(speed.starts) < fastest
 
 
 @pytest.mark.parametrize("exponent", [0.0, 0.3, 0.7, 1.0])

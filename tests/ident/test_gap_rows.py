@@ -4,13 +4,15 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from planar_arm import logs
+from planar_arm import logs, record
 
 from ident.effects.attached import Payload
+from ident.effects.base import Term
+from ident.effects.friction import Sigmoid, Viscous
 from ident.errors import InputError
 from ident.gap import baseline_model, find_gap
 from ident.gap.rows import held_of, panel_of, survey_of
-from ident.model import NEWTON_METRE
+from ident.model import NEWTON_METRE, CurrentModel
 
 
 def test_a_force_that_is_known_but_for_a_factor_is_taken_away_as_much_as_there_is_of_it(arm):
@@ -40,6 +42,15 @@ def test_logs_too_short_for_a_model_that_is_held_fixed_are_refused(arm):
     model = baseline_model(arm, logs(arm, 1))
     with pytest.raises(InputError, match="too few rows"):
         find_gap(model, [logs(arm, 4)[0][:8]], refit=False)
+
+
+def test_dry_friction_that_is_a_sigmoid_turns_over_its_width(arm):
+    terms = (
+        Term(Viscous(0, smoothing=5e-4), np.zeros(0), np.ones(1)),
+        Term(Sigmoid(1), np.array([0.02, 0.0]), np.array([1.0])),
+    )
+    model = CurrentModel(arm, terms, 5.0, 100.0, np.ones(2), "N*m")
+    np.testing.assert_allclose(survey_of(model, panel_of(model, [record(arm, 1)])).smoothing, [5e-4, 0.04])
 
 
 def test_relative_gains_are_not_taken_for_known_ones(arm):

@@ -80,6 +80,10 @@ def test_what_comes_back_with_an_angle_is_no_touch(arm):
     assert find_touches(panel, survey, once, nothing).episodes == 1
     often = noise + 1.0 * tooth[:, None] * np.array([0.0, 1.0])
     assert find_touches(panel, survey, often, nothing).episodes == 0
+    kicks = often.copy()  # a broken one, which kicks either way
+    for number, (_, a, b) in enumerate(_pieces(tooth[:, None], np.array([0, len(q)]))):
+        kicks[a:b, 1] *= (1.0, -0.6, -1.0, 0.5)[number % 4]
+    assert find_touches(panel, survey, kicks, nothing).episodes == 0
 
 
 def test_what_rings_is_no_touch(arm):
