@@ -1,4 +1,4 @@
-"""What the user of a model should look at: joints that stand still, flipped signs, open gains, logs that go further."""
+"""What a model's user should look at: joints that stand still, coupled ones, flipped signs, open gains, wider logs."""
 
 from __future__ import annotations
 
@@ -36,6 +36,20 @@ def still_warnings(robot: Robot, still: Sequence[int]) -> list[str]:
     return [
         f"Joint {j + 1} ({robot.joints[j]}) never moves: its friction and its own inertia cannot be identified."
         for j in still
+    ]
+
+
+def coupling_warnings(robot: Robot) -> list[str]:
+    """Name joints whose motors the card couples, which the equations of motion do not."""
+    if robot.coupling is None:
+        return []
+    off = (robot.coupling != 0.0) & ~np.eye(robot.n, dtype=bool)
+    joints = [str(j + 1) for j in np.flatnonzero(off.any(axis=0) | off.any(axis=1))]
+    if not joints:
+        return []
+    return [
+        f"The card couples the motors of joints {', '.join(joints)}: the model takes each current for that of its own "
+        "joint, and but for cross-joint-friction what the coupling adds is not in it."
     ]
 
 
