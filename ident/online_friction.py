@@ -147,6 +147,8 @@ def _known(term: Term, robot: Robot) -> bool:
     kind, full = ENCODED.get(type(effect)), (len(effect.shapes), len(effect.coefficients(robot)))
     if kind is None or effect.needs != kind.needs or (len(term.shape), len(term.coefficients)) != full:
         return False
+    if isinstance(effect, DirectedEffect) and effect.remembers:
+        return False
     inside = all(j is not None and 0 <= j < robot.n for j in (effect.joint, getattr(effect, "source", 0)))
     return inside and len(_shape(term)) == kind.shapes and kind.coefficients in (None, len(term.coefficients))
 

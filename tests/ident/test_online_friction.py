@@ -156,9 +156,9 @@ def test_a_searched_power_is_encoded_and_fuller_forms_are_left_to_their_columns(
     rng = np.random.default_rng(7)
     stribeck, ripple, cable = (CATALOGUE[name] for name in ("stribeck", "gear-ripple", "cable-spring"))
     ripples = ripple(0, harmonics=2), ripple(2, largest=9.0), ripple(3, rolls=True)
-    forms = stribeck(4, power=None), cable(1, slack=True), cable(1, side=-1), *ripples
+    forms = stribeck(4, power=None), cable(1, slack=True), cable(1, side=-1), *ripples, stribeck(5, lags=True)
     model = model_of(vs060, *(term(effect, rng, vs060) for effect in forms))
-    assert model.one_sample.encoded == (False, True, False, False, False, False, False)
+    assert model.one_sample.encoded == (False, True, False, False, False, False, False, False)
 
 
 def test_memory_goes_on_between_samples_and_blocks(vs060):
