@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
+from ident.effects.base import Context
 from ident.log import JointLog
 from ident.robot import Robot, load_robot
 from ident.signals import Motion
@@ -38,6 +39,18 @@ def swinging() -> Callable[..., Motion]:
         return Motion(t, q, dq, ddq)
 
     return move
+
+
+@pytest.fixture(scope="session")
+def context(vs060: Robot, swinging: Callable[..., Motion]) -> Context:
+    """What effects see of such a motion, with stretches at rest, and slow ones, where friction does most."""
+    motion = swinging(4.0)
+    rest = motion.q.copy(), motion.dq.copy(), motion.ddq.copy()
+    rest[0][100:140], rest[1][100:140], rest[2][100:140] = motion.q[100], 0.0, 0.0
+    motion = Motion(motion.t, *rest)
+    load, total = np.random.default_rng(3).normal(size=(2, *motion.q.shape))
+    links = np.tile(vs060.multibody.parameters, (6, 1))
+    return Context(vs060, motion, load, links, total)
 
 
 @pytest.fixture(scope="session")

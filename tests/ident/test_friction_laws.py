@@ -1,0 +1,118 @@
+"""Laws of friction: the columns that their papers write, and the shapes that they are tried at."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from ident.effects.base import Context
+from ident.effects.friction import Coulomb, LoadFriction, PositionFriction, Sigmoid, Stribeck, ViscousNonlinear
+from ident.effects.transmission import CrossJointFriction
+from ident.signals import Motion
+
+
+def test_friction_by_the_load_of_bodies_is_that_of_the_urdf(context):
+    motion, bodies = context.motion, context.robot.multibody.parameters
+    load = context.robot.rigid_body.inverse_dynamics(motion.q, motion.dq, motion.ddq, bodies)[:, 1]
+    nothing = np.zeros(0)
+    found = LoadFriction(1, per_newton_metre=2.0).columns(context, nothing, nothing)[:, 0]
+    fitted = LoadFriction(1).columns(context, nothing, nothing)[:, 0]
+    np.testing.assert_allclose(found * np.abs(context.load[:, 1]), 2.0 * fitted * np.abs(load), atol=1e-9)
+
+
+def test_friction_by_a_load_that_drives_is_apart_from_that_by_one_that_is_driven(context):
+    nothing = np.zeros(0)
+    driving, driven = LoadFriction(1, driven=True).columns(context, nothing, nothing).T
+    onward = context.load[:, 1] * context.motion.dq[:, 1] > 0.0
+    fast = np.abs(context.motion.dq[:, 1]) > 0.1
+    size = np.sign(context.motion.dq[:, 1]) * np.abs(context.load[:, 1])
+    np.testing.assert_allclose(driving[fast], np.where(onward, size, 0.0)[fast], atol=1e-9)
+    np.testing.assert_allclose(driven[fast], np.where(onward, 0.0, size)[fast], atol=1e-9)
+
+
+def test_a_film_that_lags_is_that_of_the_speed_before(context):
+    motion, shape = context.motion, np.array([0.1, 1.0, 0.2])
+    lagging, at_once = (Stribeck(1, power=None, lags=lags) for lags in (True, False))
+    found = lagging.columns(context, shape, lagging.start())[:, 0]
+    film, speed, steps = [], np.abs(motion.dq[:, 1]), np.diff(motion.t, prepend=motion.t[0])
+    for one, step in zip(speed.tolist(), steps.tolist(), strict=True):
+        film.append(one if not film else one + (film[-1] - one) * np.exp(-step / 0.2))
+    sign = np.tanh(motion.dq[:, 1] / lagging.smoothing)
+    np.testing.assert_allclose(found, sign * np.exp(-np.array(film) / 0.1), atol=1e-9)
+    assert not np.allclose(found, at_once.columns(context, shape[:2], at_once.start())[:, 0], atol=0.01)
+
+
+def test_a_power_of_speed_is_tried_on_either_side_of_viscous_friction():
+    survey = SimpleNamespace(smoothing=np.full(6, 2e-3), presliding=np.zeros(6), presliding_exponent=np.ones(6))
+    ranges = [form.shapes[0] for form in ViscousNonlinear.candidates(survey, 1)]
+    assert [(s.lower, s.upper, s.starts) for s in ranges] == [(0.1, 0.9, (0.5, 0.2)), (1.1, 4.0, (2.0, 3.0))]
+
+
+@pytest.mark.parametrize(
+    ("slides", "reach", "fewest"), [(False, 1.5, 1.05), (False, 6.0, 0.3), (False, 0.01, 6.0), (True, 0.5, 0.5)]
+)
+def test_friction_swings_a_quarter_and_more_over_the_positions_seen(slides, reach, fewest):
+    figures = {"smoothing": 2e-3, "presliding": 1e-4, "presliding_exponent": 0.5, "reach": reach}
+    robot = SimpleNamespace(multibody=SimpleNamespace(prismatic=[slides] * 6))
+    survey = SimpleNamespace(robot=robot, **{key: np.full(6, value) for key, value in figures.items()})
+    one, two = PositionFriction.candidates(survey, 1)
+    assert one.turn == (1.0 if slides else 2.0 * np.pi)
+    assert (one.harmonics, two.harmonics) == (1, 2)
+    assert (one.smoothing, one.presliding, one.presliding_exponent) == (2e-3, 1e-4, 0.5)
+    for (swings,) in (one.shapes, two.shapes):
+        assert swings.lower == pytest.approx(fewest, abs=0.01)
+        assert all(swings.lower < start < swings.upper for start in swings.starts)
+
+
+@pytest.mark.parametrize(
+    ("gears", "slides", "fastest"), [(None, False, 0.2), (100.0, False, 0.2), (10.0, False, 1.0), (10.0, True, 0.2)]
+)
+def test_friction_falls_and_rises_by_as_much_of_the_motors_speed(gears, slides, fastest):
+    figures = {"smoothing": 2e-3, "presliding": 0.0, "presliding_exponent": 1.0}
+    ratio = None if gears is None else np.full(6, gears)
+    robot = SimpleNamespace(multibody=SimpleNamespace(prismatic=[slides] * 6), gear_ratio=ratio)
+    survey = SimpleNamespace(robot=robot, **{key: np.full(6, value) for key, value in figures.items()})
+    for kind in (Stribeck, Sigmoid):
+        (law,) = kind.candidates(survey, 1)
+        speed = law.shapes[0]
+        assert speed.upper == pytest.approx(fastest)
+        assert max(speed.starts) < fastest
+
+
+@pytest.mark.parametrize("exponent", [0.0, 0.3, 0.7, 1.0])
+def test_friction_that_yields_builds_up_as_dahl_wrote(vs060, exponent):
+    """Over steps of any length what small steps of his differential equation give."""
+    q = np.zeros((9, 6))
+    q[:, 1] = 1e-4 * np.array([0.0, 0.5, 3.0, 2.9, 2.2, 2.4, -4.0, -3.8, -3.8])
+    law = Coulomb(1, presliding=1e-4, presliding_exponent=exponent)
+    motion = Motion(np.arange(9.0), q, np.zeros((9, 6)), np.zeros((9, 6)))
+    found = law.columns(Context(vs060, motion), np.zeros(0), law.start())[:, 0]
+    z, expected = 0.0, [0.0]
+    for step in np.diff(q[:, 1]):
+        small = step / 20_000
+        for _ in range(20_000):
+            z = np.clip(z + small / 1e-4 * max(1.0 - z * np.sign(small), 0.0) ** exponent, -1.0, 1.0)
+        expected.append(z)
+    np.testing.assert_allclose(found, expected, atol=2e-4)
+    assert np.all(np.abs(found) <= 1.0)
+
+
+def test_a_searched_power_of_stribeck_friction_is_the_given_one(context):
+    given, searched = Stribeck(1, power=1.3), Stribeck(1, power=None)
+    columns = given.columns(context, np.array([0.05]), given.start())
+    np.testing.assert_allclose(searched.columns(context, np.array([0.05, 1.3]), searched.start()), columns)
+    assert searched.summary(context.robot, np.array([0.05, 1.3]), np.array([2.0])) == {
+        "force": 2.0,
+        "speed": 0.05,
+        "power": 1.3,
+    }
+
+
+def test_a_mix_of_two_joints_is_no_friction_of_one(vs060):
+    survey = SimpleNamespace(robot=vs060)
+    forms = CrossJointFriction.candidates(survey, 4)
+    assert {(form.source, form.side) for form in forms} == {(k, side) for k in (0, 1, 2, 3, 5) for side in (1, -1)}
+    for form in forms:
+        mix = form.shapes[0]
+        assert min(abs(mix.lower), abs(mix.upper)) == pytest.approx(0.2)
+        assert mix.ends == (form.side > 0, form.side < 0)
