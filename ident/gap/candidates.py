@@ -226,9 +226,11 @@ def _fuller(panel: Panel, gate: Gate, effect: Effect, plain: Sequence[Trial], jo
     Where the plain one began may be nearer to it than where that ended up without what it lacks.
     """
     more = [parameter.starts[0] for parameter in effect.shapes[len(plain[0].shape) :]]
-    shapes = [np.append(trial.shape, more) for trial in plain]
-    drops, statistics = gate.look([admissible(panel, gate.problem, effect, shape, joint) for shape in shapes])
-    starts = [Trial(effect, *one) for one in zip(shapes, drops.tolist(), statistics.tolist(), strict=True)]
+    starts = []
+    for shape in (np.append(trial.shape, more) for trial in plain):
+        # Of some shapes fewer columns show.
+        drops, statistics = gate.look([admissible(panel, gate.problem, effect, shape, joint)])
+        starts.append(Trial(effect, shape, float(drops[0]), float(statistics[0])))
     return refine(panel, gate.problem, starts, joint)
 
 
