@@ -216,11 +216,11 @@ def best_trials(panel: Panel, survey: Survey, gate: Gate, effects: Sequence[Effe
     least = HINTS * float(np.sum(problem.residual**2))
     likely = [k for k, trial in enumerate(found) if laws[k] in further and trial.drop > least]
     plain = [(found[k], screened[k]) for k in likely]
-    found += [_fuller(panel, gate, e, both, joint) for both in plain for e in both[0].effect.fuller(survey)]
+    found += [fuller_trial(panel, gate, e, both, joint) for both in plain for e in both[0].effect.fuller(survey)]
     return sorted((with_errors(panel, problem, trial, joint) for trial in found), key=_held_out)
 
 
-def _fuller(panel: Panel, gate: Gate, effect: Effect, plain: Sequence[Trial], joint: int) -> Trial:
+def fuller_trial(panel: Panel, gate: Gate, effect: Effect, plain: Sequence[Trial], joint: int) -> Trial:
     """A fuller form of a law at the shape that suits it best near those of the plain one, whose parameters are first.
 
     Where the plain one began may be nearer to it than where that ended up without what it lacks.
