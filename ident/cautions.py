@@ -13,6 +13,7 @@ from ident.effects.electrical import CurrentOffset
 from ident.log import LogSource
 from ident.model import CurrentModel
 from ident.robot import Robot
+from ident.structure import coupled
 from ident.walk import Block, walk
 
 NEVER_MOVES = 2e-3
@@ -41,10 +42,7 @@ def still_warnings(robot: Robot, still: Sequence[int]) -> list[str]:
 
 def coupling_warnings(robot: Robot) -> list[str]:
     """Name joints whose motors the card couples, which the equations of motion do not."""
-    if robot.coupling is None:
-        return []
-    off = (robot.coupling != 0.0) & ~np.eye(robot.n, dtype=bool)
-    joints = [str(j + 1) for j in np.flatnonzero(off.any(axis=0) | off.any(axis=1))]
+    joints = [str(j + 1) for j in range(robot.n) if robot.coupling is not None and coupled(robot, j)]
     if not joints:
         return []
     return [
