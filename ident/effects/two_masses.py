@@ -20,7 +20,14 @@ LINK_FRICTION = Shape("link_friction", "1", 0.0, 1.0, (0.2,), log=False, ends=(F
 
 
 def motor_inertia(about: float) -> tuple[Shape, ...]:
-    """What of a joint's inertia is its motor's, to be searched for where that is about so much and not nought."""
+    """What of a joint's inertia is its motor's, to be searched for where that is about so much and not nought.
+
+    Args:
+        about: what the joint's fitted inertia has beyond the URDF's, in {current} s^2/{angle}.
+
+    Returns:
+        The shape to search, or none.
+    """
     unit = "{current} s^2/{angle}"
     shape = Shape("motor_inertia", unit, 0.0, 2.0 * about, (about,), log=False, ends=(False, False))
     return (shape,) if about > 0.0 else ()
