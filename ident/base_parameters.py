@@ -93,7 +93,7 @@ def _random_regressor(rigid_body: RigidBody, joint: int | None) -> FloatArray:
 
 
 def _random_motion(rigid_body: RigidBody) -> tuple[FloatArray, FloatArray]:
-    """Regressor (samples, n, 10 n) and accelerations (samples, n) of random motions inside the limits."""
+    """Regressor (samples, n, 10 n) and the motors' accelerations (samples, n) of random motions inside the limits."""
     body = rigid_body.multibody
     n = rigid_body.n
     rng = np.random.default_rng(SEED)
@@ -106,7 +106,8 @@ def _random_motion(rigid_body: RigidBody) -> tuple[FloatArray, FloatArray]:
     # Not the URDF's speeds: beside what 1e4 rad/s ask for, written where there is no limit, gravity would be rounding.
     dq = rng.uniform(-SPEED, SPEED, shape)
     ddq = rng.uniform(-ACCELERATION, ACCELERATION, shape)
-    return rigid_body.regressor(q, dq, ddq), ddq
+    coupling = rigid_body.coupling
+    return rigid_body.regressor(q, dq, ddq), ddq if coupling is None else ddq @ coupling.matrix.T
 
 
 def _from_the_base(body: Multibody) -> IntArray:

@@ -1,4 +1,4 @@
-"""What a model's user should look at: joints that stand still, coupled ones, flipped signs, open gains, wider logs."""
+"""What a model's user should look at: joints that stand still, flipped signs, open gains, wider logs."""
 
 from __future__ import annotations
 
@@ -13,7 +13,6 @@ from ident.effects.electrical import CurrentOffset
 from ident.log import LogSource
 from ident.model import CurrentModel
 from ident.robot import Robot
-from ident.structure import coupled
 from ident.walk import Block, walk
 
 NEVER_MOVES = 2e-3
@@ -40,17 +39,6 @@ def still_warnings(robot: Robot, still: Sequence[int]) -> list[str]:
     ]
 
 
-def coupling_warnings(robot: Robot) -> list[str]:
-    """Name joints whose motors the card couples, which the equations of motion do not."""
-    joints = [str(j + 1) for j in range(robot.n) if robot.coupling is not None and coupled(robot, j)]
-    if not joints:
-        return []
-    return [
-        f"The card couples the motors of joints {', '.join(joints)}: the model takes each current for that of its own "
-        "joint, and but for cross-joint-friction what the coupling adds is not in it."
-    ]
-
-
 def gain_warnings(estimate: GainEstimate | None) -> list[str]:
     """Name drive gains that the logs leave open, and why."""
     if estimate is None:
@@ -69,7 +57,7 @@ def sign_warnings(model: CurrentModel, held: Sequence[Block]) -> list[str]:
     plain = replace(model, terms=tuple(t for t in model.terms if not isinstance(t.effect, CurrentOffset)))
     for block in held:
         friction = plain.friction(block.motion)
-        power += np.sum((friction * block.motion.dq)[block.keep], axis=0)
+        power += np.sum((friction * model.robot.motors(block.motion).dq)[block.keep], axis=0)
     return [
         f"Joint {j + 1} ({model.robot.joints[j]}): friction would drive the motion; the sign of its current is "
         "probably flipped. Give the card a scale of -1 for it: [log] scale = { current = [...] }."

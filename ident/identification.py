@@ -9,7 +9,7 @@ from typing import Any
 
 from threadpoolctl import threadpool_limits
 
-from ident.cautions import coupling_warnings, gain_warnings, sign_warnings, still_warnings
+from ident.cautions import gain_warnings, sign_warnings, still_warnings
 from ident.drive_gain import GainEstimate
 from ident.effects import load_catalogue
 from ident.effects.base import Effect, Survey
@@ -174,7 +174,6 @@ def _identify(
     warnings = [
         *sign_warnings(model, start.held),
         *still_warnings(robot, start.still),
-        *coupling_warnings(robot),
         *gain_warnings(start.gain_estimate),
         *trouble,
     ]

@@ -122,7 +122,7 @@ class CurrentModel:
         """Force (N, n) of everything but links and rotors, carrying the memories forward (default: from a start)."""
         loaded = len(motion.t) > 1 or self.one_sample.asks_load or self.one_sample.others
         load = self.load(motion) if loaded else np.zeros((1, self.n))
-        rotors = self.rotor_inertia * motion.ddq
+        rotors = self.rotor_inertia * self.robot.motors(motion).ddq
         return self._all(motion, load, self.start() if memories is None else memories) - load - rotors
 
     def force(self, motion: Motion, memories: list[FloatArray]) -> FloatArray:
@@ -185,7 +185,8 @@ class CurrentModel:
         """Force (N, n) of all terms: first those that do not need the total, then those that do."""
         force, left = load.copy(), list(zip(self.terms, memories, strict=True))
         if len(motion.t) == 1 and isinstance(memories, Memories):
-            self.one_sample.add(motion.q[0], motion.dq[0], motion.ddq[0], load[0], memories, force[0])
+            motors = self.robot.motors(motion)
+            self.one_sample.add(motors.q[0], motors.dq[0], motors.ddq[0], load[0], memories, force[0])
             left = [left[k] for k in self.one_sample.others]
             if not left:
                 return force

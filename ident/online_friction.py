@@ -63,6 +63,10 @@ ENCODED: dict[type[Effect], Kind] = {
 """The encoded effects; exactly these classes, not what is derived from them."""
 
 
+OF_JOINTS = (CableSpring, CrossJointFriction)
+"""Those of them that follow the joints where all others follow the motors: the loop sees but the latter."""
+
+
 class Memories(list[FloatArray]):
     """Memories of a model's terms, one array a term, side by side in one vector.
 
@@ -133,7 +137,7 @@ class OneSample:
         """Add the encoded terms to a force, carrying their memories forward; every array but the memories is (n,).
 
         Args:
-            q, dq, ddq: the sample's motion [rad or m, s].
+            q, dq, ddq: the sample's motion, of the motors [rad or m, s].
             load: force that the links need; read only where ``asks_load``.
             memories: of all the model's terms, as ``Memories.start`` gave them.
             force: what is added to, in the model's force unit.
@@ -148,6 +152,8 @@ def _known(term: Term, robot: Robot) -> bool:
     if kind is None or effect.needs != kind.needs or (len(term.shape), len(term.coefficients)) != full:
         return False
     if isinstance(effect, DirectedEffect) and effect.remembers:
+        return False
+    if robot.coupling is not None and isinstance(effect, OF_JOINTS):
         return False
     inside = all(j is not None and 0 <= j < robot.n for j in (effect.joint, getattr(effect, "source", 0)))
     return inside and len(_shape(term)) == kind.shapes and kind.coefficients in (None, len(term.coefficients))

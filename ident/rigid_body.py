@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -9,6 +10,7 @@ import numpy as np
 from ident.arrays import BoolArray, FloatArray
 from ident.base_parameters import BaseParameters, find_base_parameters
 from ident.compiled import over_rows
+from ident.coupling import Coupling
 from ident.link_motion import Chain
 from ident.multibody import Multibody, Tree
 from ident.rigid_body_kernels import inverse_dynamics_rows, mass_matrix_rows, momentum_rows, regressor_rows
@@ -34,12 +36,16 @@ class RigidBody:
     joint j: in current units with unknown gains every joint has its own. ``gravity`` (3,) [m/s^2] in the base frame
     is the mechanism's unless given. Every method raises ValueError where a shape is wrong.
 
+    Where gears couple joints, motions are the joints' and torques the motors': row j is what motor j gives, from the
+    parameters of row j.
+
     Args:
         multibody: the mechanism.
+        coupling: of its motors, if any.
     """
 
-    def __init__(self, multibody: Multibody) -> None:
-        self.multibody = multibody
+    def __init__(self, multibody: Multibody, coupling: Coupling | None = None) -> None:
+        self.multibody, self.coupling = multibody, coupling
         self._base: dict[int | None, BaseParameters] = {}
         tree = multibody.tree
         self.chain = Chain(
@@ -58,6 +64,8 @@ class RigidBody:
         motion = self._motion(q, dq, ddq)
         out = np.zeros((len(motion[0]), self.n, 10 * self.n))
         over_rows(regressor_rows, (self.chain, self._gravity(gravity)), *motion, out)
+        if self.coupling is not None:
+            out = np.einsum("kj,tkp->tjp", self.coupling.joints, out)
         return out if np.ndim(q) == 2 else out[0]
 
     def inverse_dynamics(
@@ -69,28 +77,47 @@ class RigidBody:
         gravity: FloatArray | None = None,
     ) -> FloatArray:
         """Joint torques ``Y @ parameters``, (N, n), without Y in memory."""
-        motion = self._motion(q, dq, ddq)
-        out = np.empty(motion[0].shape)
-        over_rows(
-            inverse_dynamics_rows, (self.chain, self._gravity(gravity), self._per_joint(parameters)), *motion, out
-        )
+        motion, along = self._motion(q, dq, ddq), self._gravity(gravity)
+
+        def torques(own: FloatArray) -> FloatArray:
+            out = np.empty(motion[0].shape)
+            over_rows(inverse_dynamics_rows, (self.chain, along, own), *motion, out)
+            return out
+
+        out = self._of_motors(torques, self._per_joint(parameters))
         return out if np.ndim(q) == 2 else out[0]
 
     def momentum_terms(
         self, q: FloatArray, dq: FloatArray, parameters: FloatArray, gravity: FloatArray | None = None
     ) -> MomentumTerms:
         """Generalised momentum, C^T dq and gravity torque, each (N, n)."""
-        motion = self._motion(q, dq)
-        out = np.empty((len(motion[0]), 3, self.n))
-        over_rows(momentum_rows, (self.chain, self._gravity(gravity), self._per_joint(parameters)), *motion, out)
+        motion, along = self._motion(q, dq), self._gravity(gravity)
+
+        def rows(own: FloatArray) -> FloatArray:
+            out = np.empty((len(motion[0]), 3, self.n))
+            over_rows(momentum_rows, (self.chain, along, own), *motion, out)
+            return out
+
+        out = self._of_motors(rows, self._per_joint(parameters))
         terms = out if np.ndim(q) == 2 else out[0]
         return MomentumTerms(terms[..., 0, :], terms[..., 1, :], terms[..., 2, :])
 
     def mass_matrix(self, q: FloatArray, parameters: FloatArray) -> FloatArray:
-        """Joint-space inertia matrix, (N, n, n); row j from row j of the parameters, symmetric where those agree."""
-        (rows,) = self._motion(q)
-        out = np.zeros((len(rows), self.n, self.n))
-        over_rows(mass_matrix_rows, (self.chain, self._per_joint(parameters)), rows, out)
+        """Inertia matrix, (N, n, n); row j from row j of the parameters, symmetric where those agree.
+
+        In joint space or, where gears couple joints, that of the motors.
+        """
+        (motion,) = self._motion(q)
+
+        def columns(own: FloatArray) -> FloatArray:
+            out = np.zeros((len(motion), self.n, self.n))
+            over_rows(mass_matrix_rows, (self.chain, own), motion, out)
+            # by columns, that the last axis is that of the force
+            return out.transpose(0, 2, 1)
+
+        out = self._of_motors(columns, self._per_joint(parameters)).transpose(0, 2, 1)
+        if self.coupling is not None:
+            out = out @ self.coupling.joints
         return out if np.ndim(q) == 2 else out[0]
 
     def base_parameters(self, joint: int | None = None) -> BaseParameters:
@@ -98,6 +125,15 @@ class RigidBody:
         if joint not in self._base:
             self._base[joint] = find_base_parameters(self, joint)
         return self._base[joint]
+
+    def _of_motors(self, forces: Callable[[FloatArray], FloatArray], parameters: FloatArray) -> FloatArray:
+        """The motors' forces (..., n), each by its own row of the parameters, of what gives those of the joints."""
+        out = forces(parameters)
+        if self.coupling is not None:
+            for j in self.coupling.mixed:
+                own = np.ascontiguousarray(np.broadcast_to(parameters[j], parameters.shape))
+                out[..., j] = self.coupling.motor_force(forces(own))[..., j]
+        return out
 
     def _motion(self, *arrays: FloatArray) -> list[FloatArray]:
         # The kernels check nothing: a wrong shape would read past the arrays' ends.

@@ -13,9 +13,11 @@ from pydantic import ValidationError
 
 from ident.arrays import FloatArray
 from ident.card import Limits, LogMapping, RobotCard
+from ident.coupling import Coupling
 from ident.errors import InputError
 from ident.multibody import EARTH_GRAVITY, Multibody
 from ident.rigid_body import RigidBody
+from ident.signals import Motion
 
 __all__ = ["JointLimits", "LogMapping", "Robot", "RobotCard", "built_in_robots", "load_robot"]
 
@@ -87,8 +89,8 @@ class Robot:
 
     @cached_property
     def rigid_body(self) -> RigidBody:
-        """Batch dynamics of the links."""
-        return RigidBody(self.multibody)
+        """Batch dynamics of the links, as the motors feel them."""
+        return RigidBody(self.multibody, self.coupling)
 
     @cached_property
     def gain(self) -> FloatArray | None:
@@ -104,10 +106,28 @@ class Robot:
         return None if ratio is None else np.array(ratio)
 
     @cached_property
-    def coupling(self) -> FloatArray | None:
-        """Matrix C with motor speeds = C @ joint speeds, (n, n); None when no gears couple joints."""
-        coupling = self.card.drive.coupling
-        return None if coupling is None else np.array(coupling)
+    def coupling(self) -> Coupling | None:
+        """How gears couple joints; None where every motor moves its own joint alone."""
+        rows = self.card.drive.coupling
+        if rows is None or not np.any(rows - np.diag(np.diagonal(rows))):
+            return None
+        return Coupling(np.array(rows))
+
+    def motors(self, motion: Motion) -> Motion:
+        """Return the motion of the motors, each in its own joint's units: that of the joints where none are coupled.
+
+        Args:
+            motion: of the joints.
+        """
+        return motion if self.coupling is None else self.coupling.motors(motion)
+
+    def by_joints(self, inertia: FloatArray) -> FloatArray:
+        """Return by how much the motors' forces grow with each joint's acceleration (..., n, n).
+
+        Args:
+            inertia: by how much they do with each motor's.
+        """
+        return inertia if self.coupling is None else inertia @ self.coupling.matrix
 
 
 def built_in_robots() -> list[str]:

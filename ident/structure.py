@@ -125,7 +125,8 @@ def _rest_share(design: Design, blocks: Sequence[Block]) -> FloatArray:
     """Share (n,) of each joint's rows in which it stands still."""
     share = np.zeros(design.robot.n)
     for j in range(design.robot.n):
-        speeds = np.concatenate([np.abs(block.motion.dq[design.kept(block, j), j]) for block in blocks])
+        motors = [design.robot.motors(block.motion).dq[design.kept(block, j), j] for block in blocks]
+        speeds = np.abs(np.concatenate(motors))
         share[j] = np.mean(speeds < REST_SPEED) if len(speeds) else 0.0
     return share
 
@@ -160,11 +161,8 @@ def candidates(robot: Robot, own: Sequence[Effect], joint: int, rests: bool = Tr
 
 
 def coupled(robot: Robot, joint: int) -> list[int]:
-    """Other joints whose motors may enter a joint's friction: those the card couples, else the other wrist axis."""
-    if robot.coupling is not None:
-        links = (robot.coupling != 0) & ~np.eye(robot.n, dtype=bool)
-        return [int(k) for k in np.flatnonzero(links[:, joint] | links[joint])]
-    if robot.n >= 6 and joint >= robot.n - 2:
+    """Joints whose motion may drive another's motor, for all the card says: a wrist's last two, of each the other."""
+    if robot.coupling is None and robot.n >= 6 and joint >= robot.n - 2:
         return [2 * robot.n - 3 - joint]
     return []
 

@@ -12,6 +12,7 @@ import casadi as ca
 import numpy as np
 
 from ident.arrays import FloatArray
+from ident.coupling import Coupling
 from ident.multibody import Tree
 
 NOTHING = 1e-15  # entry of a placement that is rounding of zero: made structural, so that no operation is spent on it
@@ -116,6 +117,26 @@ def inverse_dynamics(
             force[p] = force[p] + carried
             moment[p] = moment[p] + motion.rotation[k] @ moment[k] + ca.cross(motion.translation[k], carried)
     return torque
+
+
+def motor_motion(coupling: Coupling | None, motion: ca.SX) -> ca.SX:
+    """Position, velocity or acceleration (n, 1) of the motors by that (n, 1) of the joints.
+
+    Args:
+        coupling: of the motors; None where every motor moves its own joint alone.
+        motion: of the joints.
+    """
+    return motion if coupling is None else ca.DM(coupling.matrix) @ motion
+
+
+def motor_forces(coupling: Coupling | None, forces: ca.SX) -> ca.SX:
+    """Forces of the motors, or rows of their regressor, (n, k), by those (n, k) of the joints.
+
+    Args:
+        coupling: of the motors; None where every motor moves its own joint alone.
+        forces: of the joints.
+    """
+    return forces if coupling is None else ca.DM(coupling.joints.T) @ forces
 
 
 def regressor(tree: Tree, gravity: FloatArray, q: ca.SX, dq: ca.SX, ddq: ca.SX) -> ca.SX:

@@ -18,7 +18,6 @@ from ident.errors import InputError
 from ident.log import JointLog, Sample
 from ident.model import CurrentModel
 from ident.predictor import CurrentPredictor
-from ident.rigid_body import RigidBody
 from ident.signals import Motion
 from learned.window import Frames, decimation, frames_of
 
@@ -71,7 +70,7 @@ class AdaptedModel:
         self.predictor = predictor
         self.payload = payload
         self.scale = scale
-        self._body = RigidBody(robot.multibody)
+        self._body = robot.rigid_body
         self._parameters = np.zeros((robot.n, 10 * robot.n))
         self._parameters[:, last_link(robot)] = np.outer(scale, payload)
         self._filters = CausalDerivatives(predictor.rate, predictor.cutoff, robot.n)
@@ -147,7 +146,7 @@ def adapt_payload(
         what = f"{use.sum()} samples that can be used"
         raise InputError(what, f"log {log.name}", "give at least a second of motion, better four")
     left, motion = left[use], frames.motion
-    body = RigidBody(robot.multibody)
+    body = robot.rigid_body
     regressor = body.regressor(*_advanced(motion.q[use], motion.dq[use], motion.ddq[use], predictor.cutoff))[
         :, :, last_link(robot)
     ]
@@ -248,7 +247,7 @@ def _current_per_torque(
     use = _settled(frames, log, predictor) & np.isfinite(current).all(axis=1)
     q, dq, ddq = (x[use] for x in (frames.motion.q, frames.motion.dq, frames.motion.ddq))
     advanced = _advanced(q, dq, ddq, predictor.cutoff)
-    torque = RigidBody(robot.multibody).inverse_dynamics(*advanced, robot.multibody.parameters)
+    torque = robot.rigid_body.inverse_dynamics(*advanced, robot.multibody.parameters)
     current = current[use] if physics is None else physics.load(Motion(log.t[use], *advanced)) / physics.gain
     slope, share = np.zeros(robot.n), np.zeros(robot.n)
     for joint in range(robot.n):

@@ -8,11 +8,12 @@ import numpy as np
 
 from ident.arrays import BoolArray, FloatArray
 from ident.causal import FORGOTTEN, CausalDerivatives
+from ident.coupling import Coupling
 from ident.errors import InputError
 from ident.log import JointLog, Sample
 from ident.predictor import CurrentPredictor
 from observers.model_based import SETTLED
-from observers.residual import Flag, Residual, hold
+from observers.residual import Flag, Residual, hold, joint_torque
 from observers.stamps import Stamps, usable
 
 
@@ -24,7 +25,8 @@ class DirectEstimator:
         rate: nominal samples a second [Hz].
         cutoff: low pass on the measured current [Hz], to keep it in step with a predictor that filters motion: for
             a CurrentModel its ``cutoff``; None takes the current as it comes, as networks learn it.
-        gain: joint torque per unit of current (n,), where known.
+        gain: torque per unit of current (n,) on the joint's side, where known.
+        coupling: of the motors, if gears couple joints.
 
     Raises:
         InputError: the cut-off is not below half the rate.
@@ -36,8 +38,9 @@ class DirectEstimator:
         rate: float,
         cutoff: float | None = None,
         gain: FloatArray | None = None,
+        coupling: Coupling | None = None,
     ) -> None:
-        self.predictor, self.gain = predictor, gain
+        self.predictor, self.gain, self.coupling = predictor, gain, coupling
         settle = (np.inf, 0.0) if cutoff is None else (FORGOTTEN / cutoff, SETTLED / cutoff)
         self._stamps = Stamps(rate, *settle)
         self._filter = None if cutoff is None else CausalDerivatives(rate, cutoff, predictor.n)
@@ -109,7 +112,7 @@ class DirectEstimator:
         for segment in log.segments():
             rows = kept[segment]
             current[segment] = hold(spread[segment][rows], rows, np.zeros(self.n))
-        torque = None if self.gain is None else current * self.gain
+        torque = joint_torque(current, self.gain, self.coupling)
         return Residual(log.t, current, torque, flags, log.segment, self.unit)
 
     def _smooth(self, log: JointLog) -> FloatArray:

@@ -49,7 +49,7 @@ def make_estimator(
     """
     rate = logs[0].rate
     if method == "direct":
-        return DirectEstimator(model, rate, model.cutoff, known_gain(model))
+        return DirectEstimator(model, rate, model.cutoff, known_gain(model), model.robot.coupling)
     if method == "gmo":
         return MomentumObserver(model, bandwidth, rate=rate)
     if method == "disturbance":

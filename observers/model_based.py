@@ -15,7 +15,7 @@ from ident.log import JointLog, Sample
 from ident.model import NEWTON_METRE, CurrentModel
 from ident.signals import Motion
 from observers.drive import OneSampleDrive
-from observers.residual import UNUSABLE, Flag, Residual, hold
+from observers.residual import UNUSABLE, Flag, Residual, hold, joint_torque
 from observers.stamps import Stamps, usable
 
 SETTLED = 1.5
@@ -118,9 +118,14 @@ class ModelBasedObserver(ABC):
                 raise _no_velocity()
         elif dq.shape != self._shape:
             raise InputError(f"velocities of shape {dq.shape}", "sample", f"give {self.n} values, one a joint")
-        self._flag = self._online.take(sample, self._memories)
-        if not self._flag & UNUSABLE:
-            self._last = self._advance(self._one)[0]
+        if self.model.robot.coupling is None:
+            self._flag = self._online.take(sample, self._memories)
+            if not self._flag & UNUSABLE:
+                self._last = self._advance(self._one)[0]
+        else:
+            # the compiled call knows the joints' forces only
+            one = (np.array([sample.t]), sample.q[None], sample.current[None], None if dq is None else dq[None])
+            self._flag = int(self._rows(*one)[1][0])
         current: FloatArray = self._last / self._drive_gain
         return current
 
@@ -141,7 +146,8 @@ class ModelBasedObserver(ABC):
                 dq = None if log.dq is None else log.dq[rows]
                 force[rows], flags[rows] = self._rows(log.t[rows], log.q[rows], log.current[rows], dq)
         current, gain = force / self.model.gain, known_gain(self.model)
-        return Residual(log.t, current, None if gain is None else current * gain, flags, log.segment, self.unit)
+        torque = joint_torque(current, gain, self.model.robot.coupling)
+        return Residual(log.t, current, torque, flags, log.segment, self.unit)
 
     @abstractmethod
     def _advance(self, signals: Signals) -> FloatArray:
@@ -179,7 +185,8 @@ class ModelBasedObserver(ABC):
         drive = self.model.gain * current + terms.coriolis_transpose - terms.gravity
         if self._slips:
             drive -= self.model.friction(Motion(t, q, dq, ddq), self._memories)
-        return Signals(step, terms.momentum + self._rotor_inertia * dq, drive, q)
+        rotors = self._rotor_inertia * self.model.robot.motors(Motion(t, q, dq, ddq)).dq
+        return Signals(step, terms.momentum + rotors, drive, q)
 
 
 def _no_velocity() -> InputError:

@@ -61,7 +61,7 @@ def measure_noise(model: CurrentModel, logs: Iterable[JointLog], filtered: bool 
     if filtered:
         velocity = velocity * _passed(model.cutoff, rate, reported)
     inertia = model.robot.rigid_body.mass_matrix(middle, model.link_parameters)
-    inertia += np.diag(model.rotor_inertia)
+    inertia = model.robot.by_joints(inertia + np.diag(model.rotor_inertia))
     force, momentum = model.gain * deviation[0], np.sqrt(inertia**2 @ velocity**2)
     # a noise-free log still needs some trust in both, or the filter has no gain
     return MomentumNoise(_above_nought(force), _above_nought(momentum))

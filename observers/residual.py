@@ -10,6 +10,7 @@ from typing import Protocol, runtime_checkable
 import numpy as np
 
 from ident.arrays import Array, BoolArray, FloatArray, IntArray
+from ident.coupling import Coupling
 from ident.errors import InputError
 from ident.log import JointLog, Sample
 
@@ -27,6 +28,19 @@ class Flag(IntFlag):
     REPEATED = 2
     GAP = 4
     SETTLING = 8
+
+
+def joint_torque(current: FloatArray, gain: FloatArray | None, coupling: Coupling | None) -> FloatArray | None:
+    """Return the joints' torques (N, n) [N m, prismatic N] that currents tell of; None where gains are unknown.
+
+    Args:
+        current: of the motors, (N, n).
+        gain: torque per unit of it (n,).
+        coupling: of the motors, if gears couple joints.
+    """
+    if gain is None:
+        return None
+    return current * gain if coupling is None else coupling.joint_force(current * gain)
 
 
 UNUSABLE = int(Flag.MISSING | Flag.REPEATED)

@@ -19,7 +19,7 @@ class Detectable:
     """The smallest contact seen at a pose.
 
     Attributes:
-        torque: at each joint [N m, prismatic N], (n,).
+        torque: at each motor, on its joint's side [N m, prismatic N], (n,).
         along_axes: force at the frame along the base's x, y and z [N], (3,); inf where no joint feels it.
         best, worst: force in the direction felt best and worst [N].
         worst_direction: unit vector of the latter, in the base, (3,).
@@ -52,6 +52,8 @@ def smallest_detectable(
         raise InputError("drive gains are unknown", f"robot {robot.name}", "give [drive] gain in the card")
     torque = np.asarray(threshold * np.abs(gain))
     jacobian = robot.multibody.frame_jacobian(q, frame)[:3]
+    if robot.coupling is not None:
+        jacobian = robot.coupling.motor_force(jacobian)
     around = _sphere(DIRECTIONS)
     with np.errstate(divide="ignore"):
         along = (torque / np.maximum(np.abs(jacobian), 1e-9 * np.abs(jacobian).max())).min(axis=1)

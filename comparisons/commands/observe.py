@@ -107,7 +107,7 @@ def _estimator(
     from observers.direct import DirectEstimator
 
     network = LearnedModel.load(folder, robot)
-    return DirectEstimator(network, logs[0].rate, gain=robot.gain), network.trained.cutoff
+    return DirectEstimator(network, logs[0].rate, gain=robot.gain, coupling=robot.coupling), network.trained.cutoff
 
 
 def _threshold(quiet: list[Residual], free: list[JointLog], per_hour: float, moving: float | None) -> Threshold | None:

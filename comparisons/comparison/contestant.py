@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from ident.arrays import FloatArray
+from ident.coupling import Coupling
 from ident.log import JointLog
 from ident.model import CurrentModel
 from ident.predictor import CurrentPredictor
@@ -27,6 +28,7 @@ class Contestant:
         gain: joint torque per unit of current (n,), where known.
         seconds: what identifying or training took [s], also where it was interrupted; None where it is not known.
         seed: of a network's weights and batches.
+        coupling: of the motors, if gears couple joints.
     """
 
     name: str
@@ -37,6 +39,7 @@ class Contestant:
     gain: FloatArray | None = None
     seconds: float | None = None
     seed: int | None = None
+    coupling: Coupling | None = None
 
     @property
     def learned(self) -> bool:
@@ -57,13 +60,13 @@ class Contestant:
         """Return the estimator for logs like this one; a prediction is compared with the current as logged."""
         if self.observer is not None and isinstance(self.model, CurrentModel):
             return make_estimator(self.observer, self.model, [log], self.bandwidth)
-        return DirectEstimator(self._at(log.rate), log.rate, None, self.gain)
+        return DirectEstimator(self._at(log.rate), log.rate, None, self.gain, self.coupling)
 
     def in_step(self, log: JointLog) -> ResidualEstimator:
         """Return the same with the current delayed by the filter that delays a physical model's motion."""
         if self.observer is not None or not isinstance(self.model, CurrentModel):
             return self.estimator(log)
-        return DirectEstimator(self.model, log.rate, self.model.cutoff, self.gain)
+        return DirectEstimator(self.model, log.rate, self.model.cutoff, self.gain, self.coupling)
 
     def _at(self, rate: float) -> CurrentPredictor:
         return self.model.at_rate(rate) if isinstance(self.model, LearnedModel) else self.model

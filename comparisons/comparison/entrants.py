@@ -125,7 +125,17 @@ class Entrants:
         observer: str | None = None,
         seed: int | None = None,
     ) -> Contestant:
-        return Contestant(name, method, model, observer, self.request.bandwidth, self._gain, seconds, seed)
+        return Contestant(
+            name,
+            method,
+            model,
+            observer,
+            self.request.bandwidth,
+            self._gain,
+            seconds,
+            seed,
+            self.workshop.robot.coupling,
+        )
 
 
 def load_models(folders: Sequence[Path], robot: Robot) -> dict[str, CurrentModel | LearnedModel]:

@@ -16,7 +16,7 @@ from ident.errors import InputError
 from ident.log import JointLog
 from ident.model import CurrentModel
 from observers.contact import ContactDetector
-from observers.residual import Flag, Residual, ResidualEstimator
+from observers.residual import Flag, Residual, ResidualEstimator, joint_torque
 from observers.stamps import Stamps
 from observers.thresholds import Threshold, fit_threshold
 
@@ -64,7 +64,7 @@ def score(contestant: Contestant, tests: HeldOut, bandwidth: float) -> Score:
         "training_seconds": contestant.seconds,
         "skipped": {log.name: int(unknown[rows].sum()) for log, rows in zip(tests.logs, tests.rows, strict=True)},
         "smoothed": error_figures(smooth, tests.regimes),
-        **_contact(tests, smooth, contestant.gain),
+        **_contact(tests, smooth, contestant),
         **_without_lag(contestant, tests),
     }
     if contestant.gain is not None:
@@ -106,14 +106,14 @@ def _smooth(contestant: Contestant, log: JointLog, bandwidth: float) -> FloatArr
     return residual if contestant.observer is not None else low_pass(residual, log, bandwidth)
 
 
-def _contact(tests: HeldOut, smooth: FloatArray, gain: FloatArray | None) -> dict[str, Any]:
+def _contact(tests: HeldOut, smooth: FloatArray, contestant: Contestant) -> dict[str, Any]:
     """Figures that stand on a threshold: what can be detected, and how contacts are."""
     threshold, source = _threshold(tests, smooth)
     if threshold is None:
         return {"detectable_current": np.full(smooth.shape[1], np.nan)}
     figures: dict[str, Any] = {"detectable_current": threshold.constant, "threshold_from": source}
-    if gain is not None:
-        figures["detectable_torque"] = threshold.constant * np.abs(gain)
+    if contestant.gain is not None:
+        figures["detectable_torque"] = threshold.constant * np.abs(contestant.gain)
     if not tests.touched.any():
         return figures
     told = np.zeros(len(smooth), dtype=np.bool_)
@@ -123,10 +123,11 @@ def _contact(tests: HeldOut, smooth: FloatArray, gain: FloatArray | None) -> dic
         told[rows] = detector.run(residual).level > 0
     sureness = np.abs(smooth / threshold.constant).max(axis=1)
     figures["contact"] = dict(contact_figures(tests.regimes, tests.touched, told, sureness))
-    if gain is not None and all(log.tau_ext is not None for log in tests.logs):
+    torque = joint_torque(smooth, contestant.gain, contestant.coupling)
+    if torque is not None and all(log.tau_ext is not None for log in tests.logs):
         truth = np.concatenate([log.tau_ext for log in tests.logs if log.tau_ext is not None])
         mask = np.broadcast_to(tests.touched[:, None], smooth.shape)
-        figures["contact"]["torque_rmse"] = rmse(smooth * gain - truth, mask)
+        figures["contact"]["torque_rmse"] = rmse(torque - truth, mask)
     return figures
 
 

@@ -90,6 +90,11 @@ class Context:
     total: FloatArray | None = None
     direction: FloatArray | None = None
 
+    @cached_property
+    def motors(self) -> Motion:
+        """Motion of the motors, that of the joints where no gears couple them."""
+        return self.robot.motors(self.motion)
+
     def needed(self, what: str, by: str) -> FloatArray:
         """Return ``load``, ``links`` or ``total``.
 
@@ -114,20 +119,24 @@ class Context:
 
     @cached_property
     def inertia(self) -> FloatArray:
-        """Inertia matrix (N, n, n) of the links, row j by those that row j uses; computed once."""
+        """Inertia matrix (N, n, n) of the links as motors feel it, row j by those that row j uses; computed once."""
         return self.robot.rigid_body.mass_matrix(self.motion.q, self.needed("links", "inertia"))
 
     def slope(self, joint: int) -> FloatArray:
-        """Return by how much the links' force (N, n) grows with a joint's angle; computed once a joint."""
+        """Return by how much the links' force (N, n) grows with a motor's angle; computed once a joint."""
         if joint not in self._slopes:
             links, motion = self.needed("links", "slope"), self.motion
             sides = []
             for side in (0.5 * SLOPE, -0.5 * SLOPE):
-                moved = motion.q.copy()
-                moved[:, joint] += side
+                moved = motion.q + side * self.moved_by(joint)
                 sides.append(self.robot.rigid_body.inverse_dynamics(moved, motion.dq, motion.ddq, links))
             self._slopes[joint] = (sides[0] - sides[1]) / SLOPE
         return self._slopes[joint]
+
+    def moved_by(self, joint: int) -> FloatArray:
+        """Return how far all joints (n,) move as the motor of one turns by one."""
+        coupling = self.robot.coupling
+        return (np.eye(self.robot.n) if coupling is None else coupling.joints)[:, joint]
 
     @cached_property
     def _slopes(self) -> dict[int, FloatArray]:

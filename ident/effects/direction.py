@@ -40,8 +40,8 @@ class VelocityEffect(Effect):
         return self.smoothing
 
     def velocity(self, context: Context) -> FloatArray:
-        """Return the joint's velocity (N,)."""
-        return context.motion.dq[:, self.at]
+        """Return the velocity (N,) of the joint's motor."""
+        return context.motors.dq[:, self.at]
 
 
 @dataclass(frozen=True)
@@ -88,7 +88,7 @@ class DirectedEffect(VelocityEffect):
         if context.direction is not None:
             return context.direction
         if self.presliding > 0.0:
-            position = np.ascontiguousarray(context.motion.q[:, self.at])
+            position = np.ascontiguousarray(context.motors.q[:, self.at])
             built: FloatArray = _build_up(position, self.presliding, self.presliding_exponent, memory)
             return built
         return np.tanh(self.velocity(context) / self.smoothing)

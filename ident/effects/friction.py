@@ -395,7 +395,7 @@ class PositionFriction(DirectedEffect):
 
     def columns(self, context: Context, shape: FloatArray, memory: FloatArray) -> FloatArray:
         """Return sign(dq) times cosine and sine of once (and twice) per_turn times the angle."""
-        phase = 2.0 * np.pi / self.turn * shape[0] * context.motion.q[:, self.at]
+        phase = 2.0 * np.pi / self.turn * shape[0] * context.motors.q[:, self.at]
         phases = [k * phase for k in range(1, self.harmonics + 1)]
         waves = np.stack([wave(phase) for phase in phases for wave in (np.cos, np.sin)], axis=1)
         swing: FloatArray = self.direction(context, memory)[:, None] * waves

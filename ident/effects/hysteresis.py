@@ -68,7 +68,7 @@ class MaxwellSlip(Effect):
     def columns(self, context: Context, shape: FloatArray, memory: FloatArray) -> FloatArray:
         """Return each element's force over its saturation force."""
         slip = shape[0] * np.array(self.spread)
-        position = np.ascontiguousarray(context.motion.q[:, self.at])
+        position = np.ascontiguousarray(context.motors.q[:, self.at])
         forces: FloatArray = _slip_forces(position, slip, memory)
         return forces
 
@@ -197,7 +197,7 @@ class Backlash(Effect):
         """Return minus the load inside the gap or, of a link that flies, minus what its acceleration is short of."""
         if self.flies:
             return self._flown(context, shape, memory)
-        load, motion, joint = context.needed("load", self.name), context.motion, self.at
+        load, motion, joint = context.needed("load", self.name), context.motors, self.at
         own, q, dq = (np.ascontiguousarray(x[:, joint]) for x in (load, motion.q, motion.dq))
         return (-own * _inside(q, dq, own, 0.5 * float(shape[0]), self.falls, memory))[:, None]
 

@@ -74,8 +74,8 @@ class RotorInertia(Effect):
         return (Coefficient("inertia", "{current} s^2/{angle}"),)
 
     def columns(self, context: Context, shape: FloatArray, memory: FloatArray) -> FloatArray:
-        """Return the joint's acceleration."""
-        return context.motion.ddq[:, self.at, None]
+        """Return the acceleration of the joint's motor."""
+        return context.motors.ddq[:, self.at, None]
 
 
 @dataclass(frozen=True)

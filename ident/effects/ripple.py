@@ -133,11 +133,11 @@ class GearRipple(Effect):
 
     def columns(self, context: Context, shape: FloatArray, memory: FloatArray) -> FloatArray:
         """Return sine and cosine of multiples of per_turn times the angle; the same times the load's size."""
-        return self._full(context, self._waves(np.exp(1j * shape[0] * context.motion.q[:, self.at])), shape)
+        return self._full(context, self._waves(np.exp(1j * shape[0] * context.motors.q[:, self.at])), shape)
 
     def sweep(self, context: Context, shapes: FloatArray) -> Iterator[FloatArray]:
         """Yield sine and cosine at each of several repeats a turn; evenly spaced ones by turning one phasor on."""
-        per_turn, angle = shapes[:, 0], context.motion.q[:, self.at]
+        per_turn, angle = shapes[:, 0], context.motors.q[:, self.at]
         if self.rolls or len(per_turn) < 3 or np.ptp(np.diff(per_turn)) > 1e-9:
             yield from super().sweep(context, shapes)
             return
@@ -148,14 +148,14 @@ class GearRipple(Effect):
 
     def gradient(self, context: Context, shape: FloatArray) -> FloatArray:
         """Differentiate the columns by the repeats a turn, and by the speed over which it comes up."""
-        angle = context.motion.q[:, self.at]
+        angle = context.motors.q[:, self.at]
         turned = [(k * angle, k * shape[0] * angle) for k in range(1, self.harmonics + 1)]
         slopes = [slope for by, phase in turned for slope in (by * np.cos(phase), -by * np.sin(phase))]
         by_turns = self._full(context, np.stack(slopes, axis=1), shape)
         if not self.rolls:
             return by_turns[None]
         # d tanh(u) / du, u = |v| / speed, over tanh(u), which is no wave's.
-        over = np.abs(context.motion.dq[:, self.at]) / shape[1]
+        over = np.abs(context.motors.dq[:, self.at]) / shape[1]
         here = np.tanh(over)
         per_wave = np.divide(-over * (1.0 - here**2), here * shape[1], out=np.zeros_like(over), where=here > 0.0)
         return np.stack([by_turns, self.columns(context, shape, self.start()) * per_wave[:, None]])
@@ -168,7 +168,7 @@ class GearRipple(Effect):
     def _full(self, context: Context, waves: FloatArray, shape: FloatArray) -> FloatArray:
         """Waves (N, k) as far as the joint turns and, where they grow with the load, times its size, too (N, 2 k)."""
         if self.rolls:
-            waves = waves * np.tanh(np.abs(context.motion.dq[:, self.at]) / shape[1])[:, None]
+            waves = waves * np.tanh(np.abs(context.motors.dq[:, self.at]) / shape[1])[:, None]
         if self.largest == 0.0:
             return waves
         size = np.abs(context.needed("load", self.name)[:, self.at]) / self.largest

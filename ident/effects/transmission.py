@@ -203,12 +203,13 @@ class Elasticity(ToldAtLargest):
         softness = wound / max(self.largest, 1e-12)
         link = np.stack([motion.q, motion.dq, motion.ddq])
         if self.slow:
-            link[0, :, joint] -= softness * load[:, joint]
+            link[0] -= softness * np.outer(load[:, joint], context.moved_by(joint))
         else:
             past = memory.reshape(2, REMEMBERED)
-            link[:, :, joint] -= softness * _with_derivatives(
+            wind = _with_derivatives(
                 np.ascontiguousarray(motion.t), np.ascontiguousarray(load[:, joint]), past[0], past[1]
             )
+            link -= softness * wind[:, :, None] * context.moved_by(joint)
         carried = context.robot.rigid_body.inverse_dynamics(link[0], link[1], link[2], links)
         change: FloatArray = (carried - load) / wound
         return change[:, :, None] if self.everywhere else change[:, joint, None]

@@ -61,7 +61,7 @@ def link_behind(
         How far the motor is ahead, the acceleration of that, and the force by which the link's friction differs from
         what it would be at the motor's speed, (N,) each. They are nought where fitted links have no inertia.
     """
-    motion, load = context.motion, context.needed("load", "two masses")[:, joint]
+    motion, load = context.motors, context.needed("load", "two masses")[:, joint]
     own = np.maximum(context.inertia[:, joint, joint] - motor, 0.0)
     real, dq = own > 0.0, np.ascontiguousarray(motion.dq[:, joint])
     per_own = np.divide(1.0, own, out=np.zeros_like(own), where=real)

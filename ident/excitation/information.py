@@ -13,7 +13,7 @@ from ident.errors import InputError
 from ident.log import LogSource
 from ident.robot import Robot
 from ident.signals import Motion
-from ident.symbolic import regressor
+from ident.symbolic import motor_forces, motor_motion, regressor
 from ident.walk import walk
 
 DRIVE_COLUMNS = ("rotor-inertia", "viscous", "coulomb")
@@ -116,8 +116,9 @@ class Information:
 
     def symbolic(self, q: ca.SX, dq: ca.SX, ddq: ca.SX) -> ca.SX:
         """Regressor (n, size) over noise and scale as an expression."""
-        body = self.robot.multibody
+        body, coupling = self.robot.multibody, self.robot.coupling
         links = regressor(body.tree, body.gravity, q, dq, ddq)[:, self._base.tolist()]
+        links, dq, ddq = motor_forces(coupling, links), motor_motion(coupling, dq), motor_motion(coupling, ddq)
         own = {"rotor-inertia": ddq, "viscous": dq, "coulomb": ca.tanh(dq / ca.DM(self.standstill))}
         rows = ca.horzcat(links, *[ca.diag(own[kind]) for kind in self.drives])[:, self.columns.tolist()]
         weights = 1.0 / np.outer(self.noise, self.scale)
@@ -126,10 +127,11 @@ class Information:
     def _all_rows(self, motion: Motion) -> FloatArray:
         n = self.robot.n
         links = self.robot.rigid_body.regressor(motion.q, motion.dq, motion.ddq)[:, :, self._base]
+        turning = self.robot.motors(motion)
         own = {
-            "rotor-inertia": motion.ddq,
-            "viscous": motion.dq,
-            "coulomb": np.tanh(motion.dq / self.standstill),
+            "rotor-inertia": turning.ddq,
+            "viscous": turning.dq,
+            "coulomb": np.tanh(turning.dq / self.standstill),
         }
         diagonal = [own[kind][:, :, None] * np.eye(n) for kind in self.drives]
         rows: FloatArray = np.concatenate([links, *diagonal], axis=2) / self.noise[:, None]

@@ -12,7 +12,7 @@ from ident.errors import InputError
 from ident.model import NEWTON_METRE, CurrentModel
 from ident.robot import Robot
 from ident.signals import Motion
-from ident.symbolic import inverse_dynamics, regressor
+from ident.symbolic import inverse_dynamics, motor_forces, motor_motion, regressor
 
 FREE_TURN, FREE_SLIDE = np.pi, 0.5  # positions to either side of zero where a joint has no limit [rad, m]
 STATES = 1000  # random poses and velocities at which a model's friction is taken
@@ -125,7 +125,7 @@ class TorquePrior:
     def torque(self, motion: Motion) -> FloatArray:
         """Torque (N, n) of links and rotors."""
         links = self.robot.rigid_body.inverse_dynamics(motion.q, motion.dq, motion.ddq, np.array(self.parameters))
-        return links + self.rotor_inertia * motion.ddq
+        return links + self.rotor_inertia * self.robot.motors(motion).ddq
 
     def room(self, limits: MotionLimits) -> FloatArray:
         """Return the torque that friction leaves for links and rotors, (n,).
@@ -142,9 +142,10 @@ class TorquePrior:
 
     def symbolic(self, q: ca.SX, dq: ca.SX, ddq: ca.SX) -> ca.SX:
         """Torque (n, 1) of links and rotors as an expression."""
-        body = self.robot.multibody
-        rotors = ca.DM(self.rotor_inertia) * ddq
+        body, coupling = self.robot.multibody, self.robot.coupling
+        rotors = ca.DM(self.rotor_inertia) * motor_motion(coupling, ddq)
         if np.all(self.parameters == self.parameters[0]):
-            return inverse_dynamics(body.tree, body.gravity, np.array(self.parameters[0]), q, dq, ddq) + rotors
-        rows = regressor(body.tree, body.gravity, q, dq, ddq)
+            links = inverse_dynamics(body.tree, body.gravity, np.array(self.parameters[0]), q, dq, ddq)
+            return motor_forces(coupling, links) + rotors
+        rows = motor_forces(coupling, regressor(body.tree, body.gravity, q, dq, ddq))
         return ca.sum2(rows * ca.DM(self.parameters)) + rotors

@@ -91,7 +91,7 @@ def signals(panel: Panel, survey: Survey, joint: int) -> tuple[list[str], FloatA
     """Names and values (N, k) of what a joint's residual may depend on."""
     n, own = panel.robot.n, joint + 1
     q, dq = panel.motion.q, panel.velocity
-    ddq = _coarse(panel.motion.ddq[:, joint], counted_acceleration(panel, survey, joint))
+    ddq = _coarse(panel.motors.ddq[:, joint], counted_acceleration(panel, survey, joint))
     load = _coarse(panel.seen("load")[:, joint], counted_force(panel, survey, joint))
     columns = [(f"q{k + 1}", q[:, k]) for k in range(n)] + [(f"dq{k + 1}", dq[:, k]) for k in range(n)]
     columns += [

@@ -20,7 +20,7 @@ def cut_away(model: CurrentModel, block: Block, twice: Motion) -> FloatArray:
     """Columns (N, n, 4), in a block's rows, by which each joint's force may differ for what the filter cuts away.
 
     What it cuts away is a series in what it takes of its own result (van Cittert 1931): once and once more, of the
-    links' force and of the joint's acceleration.
+    links' force and of the motor's acceleration.
 
     Args:
         model: the model, with its links.
@@ -28,7 +28,7 @@ def cut_away(model: CurrentModel, block: Block, twice: Motion) -> FloatArray:
         twice: its motion, filtered once more.
     """
     motions = (block.motion, twice, filtered_again(model, block, twice))
-    seen = [np.stack([model.load(motion), motion.ddq], axis=2) for motion in motions]
+    seen = [np.stack([model.load(motion), model.robot.motors(motion).ddq], axis=2) for motion in motions]
     return np.concatenate([one - other for one, other in itertools.pairwise(seen)], axis=2)
 
 

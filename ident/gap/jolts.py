@@ -37,7 +37,7 @@ def jolts(model: CurrentModel, blocks: Sequence[Block], rows: Sequence[IntArray]
             continue
         few = looked_at[:: max(1, len(looked_at) // POSES)]
         motion = Motion(*(x[few] for x in (block.motion.t, block.motion.q, block.motion.dq, block.motion.ddq)))
-        inertia = model.context(motion).inertia + np.diag(model.rotor_inertia)
+        inertia = model.robot.by_joints(model.context(motion).inertia + np.diag(model.rotor_inertia))
         noise = _noise(model, block, looked_at)
         square += len(looked_at) * np.mean((inertia * noise) ** 2, axis=0).sum(axis=1)
         count += len(looked_at)

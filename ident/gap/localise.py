@@ -47,7 +47,7 @@ class GapMap:
 def regimes_of(panel: Panel, survey: Survey, joint: int) -> dict[str, BoolArray]:
     """Which rows (N,) belong to each regime of a joint's motion; a row may belong to several."""
     dq = panel.velocity[:, joint]
-    ddq = panel.motion.ddq[:, joint]
+    ddq = panel.motors.ddq[:, joint]
     load = panel.seen("load")[:, joint]
     t = panel.motion.t
     speed, still = np.abs(dq), 2.0 * survey.smoothing[joint]

@@ -195,8 +195,13 @@ class Panel:
 
     @property
     def velocity(self) -> FloatArray:
-        """Joint velocities (N, n)."""
-        return self.motion.dq
+        """Velocities (N, n) of the motors, after which friction goes."""
+        return self.motors.dq
+
+    @property
+    def motors(self) -> Motion:
+        """Motion of the motors, that of the joints where no gears couple them."""
+        return self._looked_at.motors
 
     @cached_property
     def log(self) -> IntArray:

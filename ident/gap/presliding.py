@@ -32,7 +32,7 @@ from ident.gap.rests import (
     told_by,
 )
 from ident.gap.rows import gap_of
-from ident.gap.standing import hardly_moved
+from ident.gap.standing import hardly_moved, of_motors
 from ident.model import CurrentModel
 
 DISPLACEMENTS, EXPONENTS = (1e-5, 4e-4), (0.0, 1.0)
@@ -137,7 +137,8 @@ def yielding(model: CurrentModel, panel: Panel, survey: Survey, rests: Rests) ->
         rests: which joints stick.
     """
     gaps = [gap_of(model, panel, j) for j in range(model.n)]
-    turned = panel.gather(lambda block: hardly_moved(block, np.full(model.n, SLIP)))
+    coupling = model.robot.coupling
+    turned = panel.gather(lambda block: hardly_moved(of_motors(block, coupling), np.full(model.n, SLIP)))
     noise = noise_at_turns(model, panel, survey)
     rows = np.where(rests.sticks, ~panel.gather(rests.counts), turned)
     asked = np.flatnonzero(rests.sticks | _err_after_turns(panel, survey, gaps, turned, noise)).tolist()

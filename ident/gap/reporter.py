@@ -10,7 +10,7 @@ from itertools import chain
 import numpy as np
 
 from ident.arrays import FloatArray
-from ident.cautions import coupling_warnings, reach_warnings, sign_warnings, still_joints, still_warnings
+from ident.cautions import reach_warnings, sign_warnings, still_joints, still_warnings
 from ident.effects.base import Effect, Term
 from ident.gap.belief import unexplained
 from ident.gap.candidates import Trial
@@ -144,7 +144,6 @@ class Reporter:
         return (
             *sign_warnings(self.start.model, held),
             *still_warnings(model.robot, still_joints(held)),
-            *coupling_warnings(model.robot),
             *reach_warnings(model.robot, self.subject.train, self.test, model.cutoff),
             *clock_warnings(self.subject.clock, [finding.effect for finding in findings]),
         )

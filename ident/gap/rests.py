@@ -13,6 +13,7 @@ import numpy as np
 from scipy.ndimage import label
 
 from ident.arrays import BoolArray, FloatArray, IntArray
+from ident.coupling import Coupling
 from ident.effects.base import Survey
 from ident.gap.candidates import Trial, admissible, best_start, coefficients, forms, refine
 from ident.gap.joint_gap import JointGap
@@ -20,7 +21,7 @@ from ident.gap.panel import Panel
 from ident.gap.problem import JointProblem
 from ident.gap.rows import gap_of, panel_of, survey_of
 from ident.gap.spectrum import spectral_line
-from ident.gap.standing import lasts, stands
+from ident.gap.standing import lasts, of_motors, stands
 from ident.gap.threads import in_threads
 from ident.gap.unsure import shaken, turning
 from ident.log import LogSource
@@ -88,6 +89,7 @@ class Rests:
         slow: speed (n,) below which a joint stands.
         most: force (n,) that its dry friction holds at most.
         around: seconds around a rest that go with it.
+        coupling: of the motors, which stand when friction holds.
     """
 
     sticks: BoolArray
@@ -95,6 +97,7 @@ class Rests:
     slow: FloatArray
     most: FloatArray
     around: float
+    coupling: Coupling | None = None
 
     @property
     def joints(self) -> tuple[int, ...]:
@@ -115,7 +118,7 @@ class Rests:
 
     def counts(self, block: Block) -> BoolArray:
         """Whether each joint's row of a block (N, n) counts."""
-        return ~stands(block, np.where(self.sticks, self.slow, 0.0), self.around)
+        return ~stands(of_motors(block, self.coupling), np.where(self.sticks, self.slow, 0.0), self.around)
 
     def beyond(self, joint: int, left: FloatArray) -> FloatArray:
         """The part of a resting joint's residuals (M,) that its dry friction cannot hold."""
@@ -144,9 +147,10 @@ def rests_of(model: CurrentModel, panel: Panel, survey: Survey) -> Rests:
     gaps = [gap_of(model, panel, j) for j in range(model.n)]
     speed = np.minimum(STANDS, OF_MEAN * survey.pace)
     around = AROUND / model.cutoff
-    rests = panel.gather(lambda block: stands(block, speed, around))
+    coupling = model.robot.coupling
+    rests = panel.gather(lambda block: stands(of_motors(block, coupling), speed, around))
     noise = noise_at_turns(model, panel, survey)
-    lasting = panel.gather(lambda block: lasts(block, speed)).sum(axis=0)
+    lasting = panel.gather(lambda block: lasts(of_motors(block, coupling), speed)).sum(axis=0)
     stops = lasting > MOSTLY * (np.abs(panel.velocity) < speed).sum(axis=0)
     share = rests.mean(axis=0)
     may = stops & (share >= RESTS) & (share <= 1.0 - MOVES)
@@ -156,7 +160,7 @@ def rests_of(model: CurrentModel, panel: Panel, survey: Survey) -> Rests:
 
     sticks = in_company(sticking, gaps, np.where(survey.presliding > 0.0, BESIDE, STICKS))
     everyone = np.sum(sticks) >= ALL * may.sum()
-    return Rests(may if everyone else sticks, may, speed, HELD * survey.holds, around)
+    return Rests(may if everyone else sticks, may, speed, HELD * survey.holds, around, coupling)
 
 
 def noise_at_turns(model: CurrentModel, panel: Panel, survey: Survey) -> FloatArray:

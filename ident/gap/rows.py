@@ -149,7 +149,7 @@ def _motor(panel: Panel, nominal: FloatArray) -> FloatArray:
     """
     load, motor = panel.seen("load"), np.zeros(panel.robot.n)
     for j in np.flatnonzero(panel.inertia > 0.0).tolist():
-        ddq, links = panel.motion.ddq[:, j], nominal[:, j]
+        ddq, links = panel.motors.ddq[:, j], nominal[:, j]
         alone = ddq - links * (links @ ddq) / max(float(links @ links), 1e-300)
         if alone @ alone > ALONE * (ddq @ ddq):
             motor[j] = (alone @ load[:, j]) / (alone @ alone)

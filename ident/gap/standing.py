@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 from scipy.ndimage import binary_dilation, binary_opening, maximum_filter1d, minimum_filter1d
 
 from ident.arrays import BoolArray, FloatArray, IntArray
+from ident.coupling import Coupling
 from ident.walk import Block
 
 SMEARED, DIP = 4.0, 0.25
@@ -16,6 +19,11 @@ LASTS = 0.1
 
 EARLY = 0.2
 """Share of a displacement after a turn that goes with it before the turn."""
+
+
+def of_motors(block: Block, coupling: Coupling | None) -> Block:
+    """A block with the motion of the motors, after which friction goes."""
+    return block if coupling is None else replace(block, motion=coupling.motors(block.motion))
 
 
 def stands(block: Block, speed: FloatArray, around: float) -> BoolArray:

@@ -1,10 +1,8 @@
-"""What the user is told to look at: logs that go further or faster than those for training, coupled joints."""
-
-from dataclasses import replace
+"""What the user is told to look at: logs that go further or faster than those for training."""
 
 import numpy as np
 
-from ident.cautions import coupling_warnings, reach_warnings
+from ident.cautions import reach_warnings
 from ident.log import JointLog
 
 
@@ -29,11 +27,3 @@ def test_further_and_faster_are_told_joint_by_joint(arm):
     (faster,) = reach_warnings(arm, train, [swing(np.array([0.5, 0.6]), 0.4, "c")], 5.0)
     assert "beyond" not in faster
     assert f"joint 1 ({arm.joints[0]}) faster than 0.62" in faster
-
-
-def test_joints_that_the_card_couples_are_told_of(arm):
-    assert coupling_warnings(arm) == []
-    drive = arm.card.drive.model_copy(update={"coupling": [[1.0, 0.0], [-0.7, 1.0]]})
-    coupled = replace(arm, card=arm.card.model_copy(update={"drive": drive}))
-    (warning,) = coupling_warnings(coupled)
-    assert "joints 1, 2:" in warning

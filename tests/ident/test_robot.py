@@ -80,11 +80,12 @@ def test_a_robot_that_reports_torque_has_gains_of_one(tmp_path, unit):
 
 
 def test_the_drive_is_read(tmp_path):
-    drive = f"[drive]\ngain = {[1.5] * 6}\ngear_ratio = {[100] * 6}\ncoupling = {np.eye(6, k=0).tolist()}"
+    wrist = np.eye(6) - 0.5 * np.eye(6, k=-1)
+    drive = f"[drive]\ngain = {[1.5] * 6}\ngear_ratio = {[100] * 6}\ncoupling = {wrist.tolist()}"
     robot = load_robot(card(tmp_path, drive))
     np.testing.assert_array_equal(robot.gain, [1.5] * 6)
     np.testing.assert_array_equal(robot.gear_ratio, [100.0] * 6)
-    np.testing.assert_array_equal(robot.coupling, np.eye(6))
+    np.testing.assert_array_equal(robot.coupling.matrix, wrist)
 
 
 def test_limits_of_the_card_override_those_of_the_urdf(tmp_path):

@@ -124,6 +124,9 @@ def test_candidates_are_those_a_joint_has_not(vs060):
 
 def test_wrists_may_be_coupled(vs060):
     assert [coupled(vs060, j) for j in range(6)] == [[], [], [], [], [5], [4]]
+    drive = vs060.card.drive.model_copy(update={"coupling": (np.eye(6) - 0.5 * np.eye(6, k=-1)).tolist()})
+    told = replace(vs060, card=vs060.card.model_copy(update={"drive": drive}))
+    assert [coupled(told, j) for j in range(6)] == [[]] * 6
 
 
 def test_logs_too_short_change_nothing(arm, record):
