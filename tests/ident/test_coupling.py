@@ -6,7 +6,6 @@ from dataclasses import replace
 import casadi as ca
 import numpy as np
 import pytest
-from numpy.typing import ArrayLike
 
 from ident.arrays import FloatArray
 from ident.coupling import Coupling
@@ -14,8 +13,8 @@ from ident.excitation.information import Information
 from ident.excitation.limits import MotionLimits, Shares, TorquePrior
 from ident.gap import baseline_model, find_gap
 from ident.identification import identify
-from ident.log import JointLog, Sample
-from ident.robot import Robot, load_robot
+from ident.log import JointLog
+from ident.robot import Robot
 from ident.signals import Motion
 
 WRIST = np.eye(6)

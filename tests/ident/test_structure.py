@@ -1,5 +1,7 @@
 """Friction terms are chosen where they are, and nowhere else."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
