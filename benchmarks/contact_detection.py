@@ -20,7 +20,8 @@ from comparisons.virtual_robot import VirtualRobot
 from comparisons.virtual_robot.contact import Push
 from ident.arrays import BoolArray, FloatArray, IntArray
 from ident.effects.electrical import CurrentOffset
-from ident.effects.friction import Coulomb, Stribeck, Viscous
+from ident.effects.friction import Coulomb, Viscous
+from ident.effects.friction_curve import Stribeck
 from ident.effects.hysteresis import MaxwellSlip
 from ident.effects.rigid_body import Links, RotorInertia
 from ident.fit import Drives, fit

@@ -18,7 +18,8 @@ from ident.compiled import compiled
 from ident.effects.base import Effect, Term
 from ident.effects.direction import DirectedEffect, built_up
 from ident.effects.electrical import CurrentOffset
-from ident.effects.friction import Coulomb, CoulombAsymmetry, LoadFriction, Sigmoid, Stribeck, Viscous, ViscousNonlinear
+from ident.effects.friction import Coulomb, CoulombAsymmetry, LoadFriction, Viscous
+from ident.effects.friction_curve import Sigmoid, Stribeck, ViscousNonlinear
 from ident.effects.hysteresis import MaxwellSlip
 from ident.effects.rigid_body import CableSpring, Links, RotorInertia
 from ident.effects.ripple import GearRipple

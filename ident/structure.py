@@ -12,7 +12,8 @@ from ident.arrays import BoolArray, FloatArray, IntArray
 from ident.design import Counts, Design
 from ident.effects.base import Context, Effect, initial_term
 from ident.effects.direction import DirectedEffect, VelocityEffect
-from ident.effects.friction import CoulombAsymmetry, LoadFriction, Sigmoid, Stribeck, ViscousNonlinear
+from ident.effects.friction import CoulombAsymmetry, LoadFriction
+from ident.effects.friction_curve import Sigmoid, Stribeck, ViscousNonlinear
 from ident.effects.hysteresis import MaxwellSlip
 from ident.effects.rigid_body import CableSpring
 from ident.effects.ripple import GearRipple

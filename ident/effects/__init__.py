@@ -8,6 +8,7 @@ FILES = (
     "rigid_body",
     "attached",
     "friction",
+    "friction_curve",
     "thermal",
     "hysteresis",
     "transmission",

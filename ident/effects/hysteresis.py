@@ -10,7 +10,7 @@ import numpy as np
 from ident.arrays import FloatArray
 from ident.compiled import compiled
 from ident.effects.base import Coefficient, Context, Effect, Shape, Survey
-from ident.effects.two_masses import LINK_FRICTION, link_behind, motor_inertia
+from ident.effects.two_masses import LINK_FRICTION, link_behind, motor_inertia, searched_motor
 
 if TYPE_CHECKING:
     from ident.robot import Robot
@@ -211,7 +211,7 @@ class Backlash(Effect):
         """Return what forces lack as the link flies."""
         gap, hertz, damping = shape[:3].tolist()
         dry = float(shape[3]) * self.dry if self.dry > 0.0 else 0.0
-        motor = float(shape[-1]) if self.motor > 0.0 else 0.0
+        motor = searched_motor(self.motor, shape)
         inertia = context.inertia[:, :, self.at]
         own = np.maximum(inertia[:, self.at] - motor, 0.0)
         stiffness = (2.0 * np.pi * hertz) ** 2 * own

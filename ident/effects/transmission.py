@@ -10,7 +10,7 @@ import numpy as np
 from ident.arrays import FloatArray
 from ident.compiled import compiled
 from ident.effects.base import Coefficient, Context, Effect, Shape, Survey, ToldAtLargest
-from ident.effects.two_masses import LINK_FRICTION, link_behind, motor_inertia
+from ident.effects.two_masses import LINK_FRICTION, link_behind, motor_inertia, searched_motor
 
 if TYPE_CHECKING:
     from ident.robot import Robot
@@ -224,7 +224,7 @@ class Elasticity(ToldAtLargest):
         """Return the change of the load as the link swings on its spring."""
         joint, inertia, slope = self.at, context.inertia[:, :, self.at], context.slope(self.at)
         dry = float(shape[2]) * self.dry if self.dry > 0.0 else 0.0
-        motor = self._motor(shape)
+        motor = searched_motor(self.motor, shape)
         stiffness = np.full(len(inertia), self.largest / float(shape[0]))
         if self.even > 0.0:
             stiffness *= np.maximum(inertia[:, joint] - motor, 0.0) / self.even
@@ -243,12 +243,9 @@ class Elasticity(ToldAtLargest):
             stiffness = float(self.largest / shape[0] * coefficients[0])
             braked = {LINK_FRICTION.name: float(shape[2])} if self.dry > 0.0 else {}
             if self.even > 0.0:
-                stiffness *= 1.0 - self._motor(shape) / self.even
+                stiffness *= 1.0 - searched_motor(self.motor, shape) / self.even
             return {"stiffness": stiffness, "damping": float(shape[1]), **braked}
         return {"stiffness": float(self.largest / coefficients[0]) if coefficients[0] else float("inf")}
-
-    def _motor(self, shape: FloatArray) -> float:
-        return float(shape[-1]) if self.motor > 0.0 else 0.0
 
 
 WIDEST = 0.3

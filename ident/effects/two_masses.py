@@ -33,6 +33,16 @@ def motor_inertia(about: float) -> tuple[Shape, ...]:
     return (shape,) if about > 0.0 else ()
 
 
+def searched_motor(about: float, shape: FloatArray) -> float:
+    """What of a joint's inertia is its motor's at a shape, of which ``motor_inertia(about)`` is the last.
+
+    Args:
+        about: see ``motor_inertia``.
+        shape: values of all shapes.
+    """
+    return float(shape[-1]) if about > 0.0 else 0.0
+
+
 def link_behind(
     context: Context,
     joint: int,

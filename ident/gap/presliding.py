@@ -11,7 +11,8 @@ from scipy.optimize import minimize
 from ident.arrays import BoolArray, FloatArray
 from ident.effects.base import Effect, Survey
 from ident.effects.direction import VelocityEffect
-from ident.effects.friction import Coulomb, Stribeck
+from ident.effects.friction import Coulomb
+from ident.effects.friction_curve import Stribeck
 from ident.gap.candidates import best_start, forms, refine
 from ident.gap.joint_gap import JointGap
 from ident.gap.panel import Panel

@@ -8,7 +8,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ident.arrays import BoolArray, FloatArray
-from ident.effects.friction import SLOWEST_SIGMOID, Coulomb
+from ident.effects.friction import Coulomb
+from ident.effects.friction_curve import SLOWEST_SIGMOID
 from ident.gap.panel import Panel
 from ident.gap.presliding import DryFriction, with_directions
 from ident.gap.problem import JointProblem

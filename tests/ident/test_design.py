@@ -6,7 +6,8 @@ import pytest
 from ident.design import Design
 from ident.effects.base import initial_term
 from ident.effects.electrical import CurrentOffset
-from ident.effects.friction import Coulomb, Stribeck
+from ident.effects.friction import Coulomb
+from ident.effects.friction_curve import Stribeck
 from ident.effects.hysteresis import MaxwellSlip
 from ident.effects.rigid_body import Links, RotorInertia
 from ident.walk import walk

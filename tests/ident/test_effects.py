@@ -12,7 +12,8 @@ from ident.effects import load_catalogue
 from ident.effects.base import Context, Effect, initial_term
 from ident.effects.direction import SMOOTHING
 from ident.effects.electrical import Cogging, SensorDrift
-from ident.effects.friction import Coulomb, LoadFriction, PositionFriction, Stribeck
+from ident.effects.friction import Coulomb, LoadFriction, PositionFriction
+from ident.effects.friction_curve import Stribeck
 from ident.effects.hysteresis import Backlash, MaxwellSlip
 from ident.effects.rigid_body import CableSpring, Links, RotorInertia
 from ident.effects.ripple import GearRipple

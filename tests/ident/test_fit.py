@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 from ident.effects.electrical import CurrentOffset
-from ident.effects.friction import Coulomb, LoadFriction, Stribeck, Viscous
+from ident.effects.friction import Coulomb, LoadFriction, Viscous
+from ident.effects.friction_curve import Stribeck
 from ident.effects.hysteresis import MaxwellSlip
 from ident.effects.rigid_body import Links, RotorInertia
 from ident.fit import Drives, fit

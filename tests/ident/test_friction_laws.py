@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from ident.effects.base import Context
-from ident.effects.friction import Coulomb, LoadFriction, PositionFriction, Sigmoid, Stribeck, ViscousNonlinear
+from ident.effects.friction import Coulomb, LoadFriction, PositionFriction
+from ident.effects.friction_curve import Sigmoid, Stribeck, ViscousNonlinear
 from ident.effects.transmission import CrossJointFriction
 from ident.signals import Motion
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from planar_arm import logs
 
-from ident.effects.friction import Stribeck
+from ident.effects.friction_curve import Stribeck
 from ident.gap import baseline_model
 from ident.gap.candidates import TAIL, Trial, admissible, force_of, fuller_trial
 from ident.gap.joint_gap import gate_of

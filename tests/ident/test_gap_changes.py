@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 from planar_arm import logs, record
 
-from ident.effects.friction import Coulomb, Stribeck
+from ident.effects.friction import Coulomb
+from ident.effects.friction_curve import Stribeck
 from ident.fit import Drives, fit
 from ident.gap import baseline_model, find_gap
 from ident.gap.gate import Gate

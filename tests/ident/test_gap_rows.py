@@ -8,7 +8,8 @@ from planar_arm import logs, record
 
 from ident.effects.attached import Payload
 from ident.effects.base import Term
-from ident.effects.friction import Sigmoid, Viscous
+from ident.effects.friction import Viscous
+from ident.effects.friction_curve import Sigmoid
 from ident.errors import InputError
 from ident.gap import baseline_model, find_gap
 from ident.gap.rows import held_of, panel_of, survey_of

@@ -8,7 +8,8 @@ import pytest
 from ident.design import Design
 from ident.effects.base import Context, Term, initial_term
 from ident.effects.electrical import CurrentOffset
-from ident.effects.friction import Coulomb, Sigmoid, Stribeck, Viscous, ViscousNonlinear
+from ident.effects.friction import Coulomb, Viscous
+from ident.effects.friction_curve import Sigmoid, Stribeck, ViscousNonlinear
 from ident.effects.hysteresis import Backlash, MaxwellSlip
 from ident.effects.ripple import GearRipple
 from ident.effects.transmission import CrossJointFriction

@@ -7,7 +7,8 @@ import pytest
 
 from ident.effects.base import Context
 from ident.effects.electrical import CurrentOffset
-from ident.effects.friction import Coulomb, Sigmoid, Viscous, ViscousNonlinear
+from ident.effects.friction import Coulomb, Viscous
+from ident.effects.friction_curve import Sigmoid, ViscousNonlinear
 from ident.effects.hysteresis import MaxwellSlip
 from ident.effects.rigid_body import Links
 from ident.fit import Drives

@@ -7,7 +7,8 @@ from scipy.signal import lfilter
 from ident.design import Design
 from ident.effects.base import initial_term
 from ident.effects.electrical import CurrentOffset
-from ident.effects.friction import Coulomb, Stribeck, Viscous
+from ident.effects.friction import Coulomb, Viscous
+from ident.effects.friction_curve import Stribeck
 from ident.fit import Drives, settle, with_coefficients
 from ident.least_squares import factorise, solve
 from ident.log import JointLog

@@ -7,7 +7,8 @@ from comparisons.protocols import named
 from comparisons.virtual_robot.robot import VirtualRobot
 from ident.effects.base import Effect
 from ident.effects.electrical import CurrentOffset
-from ident.effects.friction import Coulomb, Stribeck, Viscous
+from ident.effects.friction import Coulomb, Viscous
+from ident.effects.friction_curve import Stribeck
 from ident.effects.hysteresis import MaxwellSlip
 from ident.effects.rigid_body import Links
 from ident.fit import Drives, fit
