@@ -13,9 +13,9 @@ from ident.signals import Motion
 class Coupling:
     """Motors of which some turn as several joints move, as in wrists whose gears pass through one another.
 
-    Motor speeds are C dq and, since power is the same on both sides, forces of the joints C^T those of the motors
-    (Siciliano et al. 2009, section 8.1.1). A motor's angle is told in those of its own joint, so that only the ratios
-    of a row count: the gear ratio may be in it or not.
+    Motor speeds are C dq and, since power is the same on both sides, forces of the joints C^T those of the motors. A
+    motor's angle is told in those of its own joint, so that only the ratios of a row count: the gear ratio may be in it
+    or not.
 
     Args:
         motor_speeds: motor speeds per joint speed, (n, n), not singular.
