@@ -44,7 +44,7 @@ class ClosedLoop:
         sample: what the drives reported last.
 
     Raises:
-        InputError: the scenario has elasticity or backlash, which this loop does not follow.
+        InputError: the scenario has elasticity or backlash, or gears couple the motors: this loop follows neither.
     """
 
     def __init__(
@@ -60,6 +60,9 @@ class ClosedLoop:
         if np.any(laws.spring.stiffness > 0.0):
             what = "elasticity or backlash in a closed loop"
             raise InputError(what, f"scenario {virtual.scenario.name}", "take them out: its transmissions are rigid")
+        if virtual.robot.coupling is not None:
+            what = "coupled motors in a closed loop"
+            raise InputError(what, f"robot {virtual.robot.name}", "take [drive] coupling out of its card")
         self.virtual, self.mode, self.rate = virtual, mode, rate
         self._pushes = [d for d in disturbances if isinstance(d, Push)]
         self._hands = [d for d in disturbances if isinstance(d, Hand)]

@@ -134,6 +134,7 @@ class _Run:
 
     def __post_init__(self) -> None:
         laws, servo = self.virtual.laws, self.virtual.laws.servo
+        self.coupling = self.virtual.robot.coupling
         self.readout = Readout(laws, self.rate, self.seed)
         self.dt = self.readout.dt
         self.loop = PositionLoop(*servo, substeps=self.readout.substeps, dt=self.dt)
@@ -173,7 +174,7 @@ class _Run:
         self.readout.restart()
         self.segment, self.row, self.start = block.segment, 0, self.clock
         self.loop.reset(block.q[0])
-        self.before = block.q[0].copy()
+        self.before = block.q[0].copy() if self.coupling is None else self.coupling.matrix @ block.q[0]
         state = self.virtual.friction_at_start(self.seed, block.segment)
         self.state = FrictionState(state.force, state.slipping, state.anchor, self.heat)
         self.spring: FloatArray | None = None
@@ -191,6 +192,9 @@ class _Run:
             if self.spring is None:
                 self.spring = np.stack([laws.spring.settled(torque[0]), np.zeros(laws.n)])
             torque = spring_scan(laws.spring, self.spring, torque, self.dt)
+        if self.coupling is not None:  # of the joints until here, of the motors from here on
+            torque = self.coupling.motor_force(torque)
+            q, dq, ddq = (x @ self.coupling.matrix.T for x in (q, dq, ddq))
         motor = torque + laws.rotor_inertia * ddq
         motor += friction_scan(laws.friction, self.state, q, dq, torque, self.before, self.dt)
         motor += self.virtual.gear_torque(q, dq, torque)

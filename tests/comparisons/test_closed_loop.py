@@ -1,5 +1,7 @@
 """The virtual robot under control: it obeys, it keeps the laws of motion, and it feels pushes and hands."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -111,3 +113,10 @@ def test_bad_commands_and_soft_joints_are_refused(vs060: Robot, virtual: Virtual
     soft = VirtualRobot(vs060, load_scenario("quiet").with_effect("elasticity"))
     with pytest.raises(InputError, match="elasticity"):
         ClosedLoop(soft)
+
+
+def test_coupled_motors_are_refused(vs060: Robot) -> None:
+    drive = vs060.card.drive.model_copy(update={"coupling": (np.eye(6) - 0.5 * np.eye(6, k=-1)).tolist()})
+    coupled = replace(vs060, card=vs060.card.model_copy(update={"drive": drive}))
+    with pytest.raises(InputError, match="coupled motors"):
+        ClosedLoop(VirtualRobot(coupled))

@@ -1,6 +1,7 @@
 """The virtual robot: its links against MuJoCo, its friction's memory, its determinism."""
 
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import mujoco
@@ -13,7 +14,7 @@ from comparisons.virtual_robot.closed_loop import run_closed_loop
 from comparisons.virtual_robot.kinematics import Kinematics
 from comparisons.virtual_robot.motion import ReferenceBlock
 from comparisons.virtual_robot.robot import VirtualRobot, simulate
-from comparisons.virtual_robot.scenario import Scenario, load_scenario
+from comparisons.virtual_robot.scenario import Friction, Scenario, load_scenario
 from ident.arrays import FloatArray
 from ident.errors import InputError
 from ident.log import JointLog, concatenate
@@ -41,6 +42,38 @@ def test_links_are_those_of_mujoco(vs060: Robot) -> None:
         data.qpos[:], data.qvel[:], data.qacc[:] = log.q[row], log.dq[row], log.ddq[row]
         mujoco.mj_inverse(model, data)
         np.testing.assert_allclose(log.current[row], data.qfrc_inverse, rtol=1e-6, atol=1e-6)
+
+
+@pytest.fixture
+def coupled(vs060: Robot) -> Robot:
+    """The robot with motors 5 and 6 coupled."""
+    wrist = np.eye(6)
+    wrist[5, 4] = -0.7
+    drive = vs060.card.drive.model_copy(update={"coupling": wrist.tolist()})
+    return replace(vs060, card=vs060.card.model_copy(update={"drive": drive}))
+
+
+def test_coupled_motors_give_the_joints_power(vs060: Robot, coupled: Robot) -> None:
+    plain, wrist = (
+        VirtualRobot(r, BARE).record(fourier(r, seconds=4.0, seed=3), derivatives=True) for r in (vs060, coupled)
+    )
+    assert wrist.dq is not None
+    speeds = wrist.dq.copy()
+    speeds[:, 5] -= 0.7 * wrist.dq[:, 4]
+    np.testing.assert_allclose(
+        np.sum(wrist.current * speeds, axis=1), np.sum(plain.current * wrist.dq, axis=1), atol=1e-9
+    )
+    assert np.abs(wrist.current - plain.current)[:, 4].max() > 1e-3  # the last link alone
+
+
+def test_friction_of_coupled_motors_follows_their_own_motion(coupled: Robot) -> None:
+    rubbed = BARE.model_copy(update={"friction": Friction(coulomb=1.0, viscous=0.0)})
+    q = np.zeros((400, 6))
+    q[:, 4] = 0.2 * np.sin(np.linspace(0.0, 6.0, 400))
+    with_friction, without = (run(VirtualRobot(coupled, s), q) for s in (rubbed, BARE))
+    lost = (with_friction.current - without.current)[100:]
+    assert np.abs(lost[:, 5]).max() > 0.5
+    assert np.corrcoef(lost[:, 5], lost[:, 4])[0, 1] < -0.9
 
 
 def test_same_seed_same_log_whatever_the_blocks(vs060: Robot) -> None:
