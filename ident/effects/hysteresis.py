@@ -19,6 +19,12 @@ if TYPE_CHECKING:
 FINE_SPREAD = (0.1, 0.3, 1.0, 3.0, 10.0)
 """Saturation displacements of the elements that gap tries, as multiples of the shape parameter."""
 
+SPREAD = (0.25, 1.0, 4.0)
+"""The same of those of a coarser curve."""
+
+LEAST_SLIP = 2e-3
+"""Displacement [rad or m] below which what two joints drive together is friction."""
+
 
 @dataclass(frozen=True)
 class MaxwellSlip(Effect):
@@ -31,7 +37,7 @@ class MaxwellSlip(Effect):
         spread: saturation displacements of the elements as multiples of the shape parameter ``slip``.
     """
 
-    spread: tuple[float, ...] = (0.25, 1.0, 4.0)
+    spread: tuple[float, ...] = SPREAD
 
     name = "maxwell-slip"
     family = "hysteresis"
@@ -51,15 +57,11 @@ class MaxwellSlip(Effect):
 
     def coefficients(self, robot: Robot) -> tuple[Coefficient, ...]:
         """Return the saturation force of each element, never negative."""
-        if len(self.spread) == 1:
-            return (Coefficient("force", "{current}", lower=0.0),)
-        return tuple(Coefficient(f"force_{k + 1}", "{current}", lower=0.0) for k in range(len(self.spread)))
+        return _forces(self.spread)
 
     def summary(self, robot: Robot, shape: FloatArray, coefficients: FloatArray) -> dict[str, float | list[float]]:
         """Return the force of all elements, and their mean saturation displacement weighted by force."""
-        force = float(coefficients.sum())
-        slip = shape[0] * np.array(self.spread)
-        return {"force": force, "slip": float(slip @ coefficients / force) if force > 0 else float(shape[0])}
+        return _together(float(shape[0]), self.spread, coefficients)
 
     def start(self) -> FloatArray:
         """Return the elements' positions: not known before the first sample."""
@@ -77,13 +79,17 @@ class MaxwellSlip(Effect):
 class CrossJointHysteresis(Effect):
     """A hysteretic force that another joint's motion drives: cables, seals and coupled gears that both joints move.
 
-    One Maxwell element on the displacement of the other joint (the paper's Eq. 1 and 2 with that joint's position).
+    One Maxwell element on the displacement of the other joint (the paper's Eq. 1 and 2 with that joint's position) or,
+    where the joint's own motion drives it, too, several on the two joints' together, which brake that.
 
     Attributes:
         source: the other joint, from 0.
+        side: whether both drive it as they turn the same way or against one another, 1 or -1; 0 where the other alone
+            does.
     """
 
     source: int = 0
+    side: int = 0
 
     name = "cross-joint-hysteresis"
     family = "hysteresis"
@@ -95,6 +101,10 @@ class CrossJointHysteresis(Effect):
         """Try every other joint as the source."""
         return [] if joint is None else [cls(joint, k) for k in range(survey.robot.n) if k != joint]
 
+    def fuller(self, survey: Survey) -> list[Effect]:
+        """Return those that both joints drive."""
+        return [] if self.side else [replace(self, side=side) for side in (1, -1)]
+
     @property
     def measured_on(self) -> int:
         """The other joint."""
@@ -102,20 +112,32 @@ class CrossJointHysteresis(Effect):
 
     @property
     def shapes(self) -> tuple[Shape, ...]:
-        """Return the saturation displacement of the other joint."""
+        """Return the saturation displacement of the other joint and, where both drive it, the share of the own."""
+        if self.side:
+            return (Shape("slip", "{angle}", LEAST_SLIP, 0.5, (2e-2,)), Shape("own", "1", 0.05, 20.0, (1.0,)))
         return (Shape("slip", "{angle}", 1e-4, 0.5, (1e-3, 5e-3, 2e-2, 0.1)),)
 
     def coefficients(self, robot: Robot) -> tuple[Coefficient, ...]:
-        """Return the saturation force."""
-        return (Coefficient("force", "{current}"),)
+        """Return the saturation force, or those of several elements."""
+        return _forces(SPREAD) if self.side else (Coefficient("force", "{current}"),)
+
+    def summary(self, robot: Robot, shape: FloatArray, coefficients: FloatArray) -> dict[str, float | list[float]]:
+        """Return force and saturation displacement, and the share of the own motion."""
+        if not self.side:
+            return super().summary(robot, shape, coefficients)
+        found = _together(float(shape[0]), SPREAD, coefficients)
+        return {**found, "own": self.side * float(shape[1])}
 
     def start(self) -> FloatArray:
-        """Return the element's position: not known before the first sample."""
-        return np.full(1, np.nan)
+        """Return the elements' positions: not known before the first sample."""
+        return np.full(len(SPREAD) if self.side else 1, np.nan)
 
     def columns(self, context: Context, shape: FloatArray, memory: FloatArray) -> FloatArray:
-        """Return the element's force over its saturation force."""
-        forces: FloatArray = _slip_forces(np.ascontiguousarray(context.motion.q[:, self.source]), shape, memory)
+        """Return the elements' forces over their saturation forces."""
+        position, slip = context.motion.q[:, self.source], shape[:1]
+        if self.side:
+            position, slip = self.side * position + shape[1] * context.motion.q[:, self.at], shape[0] * np.array(SPREAD)
+        forces: FloatArray = _slip_forces(np.ascontiguousarray(position), slip, memory)
         return forces
 
 
@@ -222,6 +244,19 @@ class Backlash(Effect):
         short: FloatArray = -inertia * ahead[:, None]
         short[:, self.at] = felt
         return short[:, :, None]
+
+
+def _forces(spread: tuple[float, ...]) -> tuple[Coefficient, ...]:
+    """Saturation force of each element, never negative."""
+    if len(spread) == 1:
+        return (Coefficient("force", "{current}", lower=0.0),)
+    return tuple(Coefficient(f"force_{k + 1}", "{current}", lower=0.0) for k in range(len(spread)))
+
+
+def _together(slip: float, spread: tuple[float, ...], forces: FloatArray) -> dict[str, float | list[float]]:
+    """Force of all elements, and their mean saturation displacement weighted by force."""
+    force = float(forces.sum())
+    return {"force": force, "slip": slip * float(np.array(spread) @ forces / force) if force > 0 else slip}
 
 
 LEAST_KNOCK = 0.1

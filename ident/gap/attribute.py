@@ -93,8 +93,8 @@ def _pruned(panel: Panel, gap: JointGap, named: list[Named]) -> list[Named]:
     kept = list(named)
     for one in list(named):
         others = [n for n in kept if n is not one]
-        # What is a limit of another cannot but be needless beside it.
-        if not others or any(one.effect.name in n.effect.contains for n in others):
+        # What is a limit of another's shape cannot but be needless beside it.
+        if not others or any(one.effect.name in n.effect.contains for n in others if n.effect.shapes):
             continue
         with_it = gap.problem(panel, [n.trial for n in kept]).errors()
         without = gap.problem(panel, [n.trial for n in others]).errors()
