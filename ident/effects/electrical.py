@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -102,15 +102,17 @@ class TorqueSaturation(ToldAtLargest):
 
 @dataclass(frozen=True)
 class SensorDrift(Effect):
-    """An offset of the current sensor that wanders steadily.
+    """An offset of the current sensor that wanders steadily, or settles as the sensor warms up.
 
     Attributes:
         since: time stamp [s] at which the drift counts as nought.
         begins: time stamp [s] at which each log begins, where it does so in each instead.
+        settles: whether it comes to an end, by an exponential.
     """
 
     since: float = 0.0
     begins: tuple[float, ...] = ()
+    settles: bool = False
 
     name = "sensor-drift"
     family = "electrical"
@@ -124,13 +126,25 @@ class SensorDrift(Effect):
             return []
         return [cls(joint, survey.since, begins) for begins in dict.fromkeys(((), survey.begins))]
 
+    def fuller(self, survey: Survey) -> list[Effect]:
+        """Return one that settles."""
+        return [] if self.settles else [replace(self, settles=True)]
+
+    @property
+    def shapes(self) -> tuple[Shape, ...]:
+        """Return the time after which all but 1/e of it is over, where it settles."""
+        return (Shape("seconds", "s", 5.0, 3000.0, (60.0,)),) if self.settles else ()
+
     def coefficients(self, robot: Robot) -> tuple[Coefficient, ...]:
-        """Return the drift in an hour."""
+        """Return the drift in an hour, at the start."""
         return (Coefficient("per_hour", "{current}/h"),)
 
     def columns(self, context: Context, shape: FloatArray, memory: FloatArray) -> FloatArray:
-        """Return the hours since the start."""
-        return (elapsed(context.motion.t, self.since, self.begins) / 3600.0)[:, None]
+        """Return the hours since the start or, where it settles, what they come to."""
+        seconds = elapsed(context.motion.t, self.since, self.begins)
+        if self.settles:
+            seconds = -shape[0] * np.expm1(-seconds / shape[0])
+        return (seconds / 3600.0)[:, None]
 
 
 @dataclass(frozen=True)

@@ -67,8 +67,8 @@ class CrossJointFriction(Effect):
         return (mix, Shape("speed", "{angle}/s", 5e-4, 0.2, (0.02,), ends=(False, True)))
 
     def coefficients(self, robot: Robot) -> tuple[Coefficient, ...]:
-        """Return dry friction and damping against the mixed speed."""
-        return (Coefficient("force", "{current}", lower=0.0), Coefficient("damping", "{current} s/{angle}"))
+        """Return dry friction against the mixed speed, below nought where the other joint drags this along; damping."""
+        return (Coefficient("force", "{current}"), Coefficient("damping", "{current} s/{angle}"))
 
     def columns(self, context: Context, shape: FloatArray, memory: FloatArray) -> FloatArray:
         """Return the sign of cos(mix) dq_joint + sin(mix) dq_source, turning over a speed, and the part dq_source."""

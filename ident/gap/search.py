@@ -231,7 +231,7 @@ class Search(Beside):
                 continue
             p_value = self._p_value(panel, columns)
             if p_value <= LEVEL and (not certain or self.holds(panel, trial, columns)):
-                plain = self._limit_of(trial)
+                plain = self._limit_of(panel, trial, certain)
                 return Named(plain, p_value, self.explained(plain), self.trials)
         return None
 
@@ -239,11 +239,11 @@ class Search(Beside):
         """Chance of so good a candidate as the one that predicts best where there is nothing, on any joint."""
         return self._p_value(panel, self.columns(panel, self.trials[0])) if self.trials else 1.0
 
-    def _limit_of(self, trial: Trial) -> Trial:
-        """A candidate, or the best of its limits if that explains nearly as much: the plain law comes first."""
-        limits = [t for t in self.trials if t.effect.name in trial.effect.contains]
+    def _limit_of(self, panel: Panel, trial: Trial, certain: bool) -> Trial:
+        """A candidate, or the best of its limits if that explains nearly as much and holds: plain laws come first."""
         enough = PLAIN * self.explained(trial)
-        return next((t for t in limits if self.explained(t) > enough), trial)
+        limits = (t for t in self.trials if t.effect.name in trial.effect.contains and self.explained(t) > enough)
+        return next((t for t in limits if not certain or self.holds(panel, t, self.columns(panel, t))), trial)
 
     def _p_value(self, panel: Panel, columns: FloatArray) -> float:
         return min(1.0, panel.robot.n * self.gate.p_value(self.gate.statistic(columns)))
