@@ -67,8 +67,12 @@ class CrossJointFriction(Effect):
         return (mix, Shape("speed", "{angle}/s", 5e-4, 0.2, (0.02,), ends=(False, True)))
 
     def coefficients(self, robot: Robot) -> tuple[Coefficient, ...]:
-        """Return dry friction against the mixed speed, below nought where the other joint drags this along; damping."""
-        return (Coefficient("force", "{current}"), Coefficient("damping", "{current} s/{angle}"))
+        """Return dry friction against the mixed speed and damping; below nought where the other joint drags this along.
+
+        Where the side is open, that is left to the other sign of the mix.
+        """
+        least = -np.inf if self.side else 0.0
+        return (Coefficient("force", "{current}", lower=least), Coefficient("damping", "{current} s/{angle}"))
 
     def columns(self, context: Context, shape: FloatArray, memory: FloatArray) -> FloatArray:
         """Return the sign of cos(mix) dq_joint + sin(mix) dq_source, turning over a speed, and the part dq_source."""
