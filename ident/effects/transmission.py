@@ -67,10 +67,8 @@ class CrossJointFriction(Effect):
         return (mix, Shape("speed", "{angle}/s", 5e-4, 0.2, (0.02,), ends=(False, True)))
 
     def coefficients(self, robot: Robot) -> tuple[Coefficient, ...]:
-        """Return dry friction against the mixed speed and damping; below nought where the other joint drags this along.
-
-        Where the side is open, that is left to the other sign of the mix.
-        """
+        """Return dry friction against the mixed speed, below nought where the other joint drags this along; damping."""
+        # Whose side is open must brake: it is chosen among frictions.
         least = -np.inf if self.side else 0.0
         return (Coefficient("force", "{current}", lower=least), Coefficient("damping", "{current} s/{angle}"))
 
