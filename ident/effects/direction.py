@@ -89,13 +89,21 @@ class DirectedEffect(VelocityEffect):
             return context.direction
         if self.presliding > 0.0:
             position = np.ascontiguousarray(context.motors.q[:, self.at])
-            built: FloatArray = _build_up(position, self.presliding, self.presliding_exponent, memory)
+            built: FloatArray = build_up(position, self.presliding, self.presliding_exponent, memory)
             return built
         return np.tanh(self.velocity(context) / self.smoothing)
 
 
 @compiled
-def _build_up(position: FloatArray, displacement: float, exponent: float, memory: FloatArray) -> FloatArray:
+def build_up(position: FloatArray, displacement: float, exponent: float, memory: FloatArray) -> FloatArray:
+    """Directions (N,) along positions (N,), see ``built_up``; last position and direction are brought up to date.
+
+    Args:
+        position: [rad or m]; rows where it is not known change nothing.
+        displacement: over which a direction builds up.
+        exponent: Dahl's, from nought to one.
+        memory: last position, not known before the first, and direction.
+    """
     out = np.empty(len(position))
     last, state = memory[0], memory[1]
     for k in range(len(position)):

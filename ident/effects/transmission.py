@@ -10,6 +10,7 @@ import numpy as np
 from ident.arrays import FloatArray
 from ident.compiled import compiled
 from ident.effects.base import Coefficient, Context, Effect, Shape, Survey, ToldAtLargest
+from ident.effects.direction import build_up
 from ident.effects.two_masses import LINK_FRICTION, link_behind, motor_inertia, searched_motor
 
 if TYPE_CHECKING:
@@ -30,10 +31,14 @@ class CrossJointFriction(Effect):
     Attributes:
         source: the other joint, from 0.
         side: sign of the other joint's share; 0 leaves it open, and lets the share vanish.
+        presliding, presliding_exponent: displacement [rad or m] of the mixed motion over which it builds up, as that of
+            ``DirectedEffect``; nought where it turns over a speed.
     """
 
     source: int = 0
     side: int = 0
+    presliding: float = 0.0
+    presliding_exponent: float = 1.0
 
     name = "cross-joint-friction"
     family = "transmission"
@@ -44,10 +49,11 @@ class CrossJointFriction(Effect):
 
     @classmethod
     def candidates(cls, survey: Survey, joint: int | None) -> list[Effect]:
-        """Try every other joint as the source, with the joint and against it."""
+        """Try every other joint as the source, with the joint and against it, yielding as the joint's friction does."""
         if joint is None:
             return []
-        return [cls(joint, k, side) for k in range(survey.robot.n) if k != joint for side in (1, -1)]
+        yields = float(survey.presliding[joint]), float(survey.presliding_exponent[joint])
+        return [cls(joint, k, side, *yields) for k in range(survey.robot.n) if k != joint for side in (1, -1)]
 
     @property
     def measured_on(self) -> int:
@@ -56,13 +62,15 @@ class CrossJointFriction(Effect):
 
     @property
     def shapes(self) -> tuple[Shape, ...]:
-        """Return the angle that mixes the two joints' motion, and over which speed the mixed one's friction turns."""
+        """Return the angle that mixes the two joints' motion, and the speed over which friction may turn."""
         quarter = 0.25 * np.pi
         # At the bounds friction is that of the other joint's motion alone.
         lower = LEAST_MIX if self.side > 0 else -2 * quarter
         upper = -LEAST_MIX if self.side < 0 else 2 * quarter
         starts = tuple(x for x in (quarter, -quarter, 1.4, -1.4) if lower < x < upper)
         mix = Shape("mix", "rad", lower, upper, starts, log=False, ends=(self.side > 0, self.side < 0))
+        if self.presliding > 0.0:
+            return (mix,)
         # What turns over so wide a range of speeds as the upper bound is damping.
         return (mix, Shape("speed", "{angle}/s", 5e-4, 0.2, (0.02,), ends=(False, True)))
 
@@ -72,15 +80,25 @@ class CrossJointFriction(Effect):
         least = -np.inf if self.side else 0.0
         return (Coefficient("force", "{current}", lower=least), Coefficient("damping", "{current} s/{angle}"))
 
+    def start(self) -> FloatArray:
+        """Return the last mixed position, not known before the first, and direction, where it builds up."""
+        return np.array([np.nan, 0.0]) if self.presliding > 0.0 else np.zeros(0)
+
     def columns(self, context: Context, shape: FloatArray, memory: FloatArray) -> FloatArray:
         """Return the sign of cos(mix) dq_joint + sin(mix) dq_source, turning over a speed, and the part dq_source."""
         own, other = self._speeds(context)
+        if self.presliding > 0.0:
+            place, far = context.motion.q[:, self.at], context.motion.q[:, self.source]
+            mixed = np.cos(shape[0]) * place + np.sin(shape[0]) * far
+            return np.stack([build_up(mixed, self.presliding, self.presliding_exponent, memory), other], axis=1)
         mixed = np.cos(shape[0]) * own + np.sin(shape[0]) * other
         # The joint's own damping is the viscous effect's.
         return np.stack([np.tanh(mixed / shape[1]), other], axis=1)
 
     def gradient(self, context: Context, shape: FloatArray) -> FloatArray:
         """Differentiate the columns by the mix and the speed."""
+        if self.presliding > 0.0:
+            return super().gradient(context, shape)
         own, other = self._speeds(context)
         mix, speed = float(shape[0]), float(shape[1])
         mixed, turned = np.cos(mix) * own + np.sin(mix) * other, np.cos(mix) * other - np.sin(mix) * own

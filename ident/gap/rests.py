@@ -285,8 +285,8 @@ def occasions(panel: Panel, left: FloatArray, rest: BoolArray) -> float:
 
 
 def slipless(panel: Panel, gap: JointGap, trial: Trial, besides: Sequence[Trial] = ()) -> bool:
-    """Whether this, besides others, is hysteresis over no displacement to speak of: then dry friction sticks."""
-    if trial.effect.family != "hysteresis":
+    """Whether this, besides others, is hysteresis over no displacement of its own: then dry friction sticks."""
+    if trial.effect.family != "hysteresis" or trial.effect.measured_on != gap.joint:
         return False
     found = coefficients(panel, gap.problem(panel, besides), trial, gap.joint)
     slip = trial.effect.summary(panel.robot, trial.shape, found).get("slip", np.inf)
