@@ -93,7 +93,6 @@ class CrossJointHysteresis(Effect):
 
     name = "cross-joint-hysteresis"
     family = "hysteresis"
-    contains = ("cross-joint-friction",)
     rivals = ("cross-joint-friction", "maxwell-slip")
     excitation = "the other joint moving to and fro while this one stands or moves on"
 
