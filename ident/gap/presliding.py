@@ -36,11 +36,11 @@ from ident.gap.rows import gap_of
 from ident.gap.standing import hardly_moved, of_motors
 from ident.model import CurrentModel
 
-DISPLACEMENTS, EXPONENTS = (1e-5, 4e-4), (0.0, 1.0)
+DISPLACEMENTS, EXPONENTS = (1e-5, SLIP), (0.0, 1.0)
 """Displacements [rad or m] over which friction may build up, and exponents; beyond, it is an effect of its own
 (maxwell-slip)."""
 
-GRID, STEPS = np.array([(i / 6.0, k / 2.0) for i in range(7) for k in range(3)]), 40
+GRID, STEPS = np.array([(i / 7.0, k / 2.0) for i in range(8) for k in range(3)]), 40
 """Places on those ranges that are tried first, and laws that are tried about the best of them."""
 
 SHORTEST = 1.2e-5
