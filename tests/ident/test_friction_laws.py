@@ -1,15 +1,20 @@
 """Laws of friction: the columns that their papers write, and the shapes that they are tried at."""
 
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from ident.effects.base import Context
+from ident.effects.electrical import SensorDrift
 from ident.effects.friction import Coulomb, LoadFriction, PositionFriction
 from ident.effects.friction_curve import Sigmoid, Stribeck, ViscousNonlinear
+from ident.effects.hysteresis import CrossJointHysteresis, MaxwellSlip
 from ident.effects.transmission import CrossJointFriction
 from ident.signals import Motion
+
+HALVES = (slice(0, 170), slice(170, None))
 
 
 def test_friction_by_the_load_of_bodies_is_that_of_the_urdf(context):
@@ -109,11 +114,51 @@ def test_a_searched_power_of_stribeck_friction_is_the_given_one(context):
     }
 
 
-def test_a_mix_of_two_joints_is_no_friction_of_one(vs060):
-    survey = SimpleNamespace(robot=vs060)
+@pytest.mark.parametrize("presliding", [0.0, 3e-4])
+def test_a_mix_of_two_joints_is_no_friction_of_one(vs060, presliding):
+    survey = SimpleNamespace(robot=vs060, presliding=np.full(6, presliding), presliding_exponent=np.full(6, 0.5))
     forms = CrossJointFriction.candidates(survey, 4)
     assert {(form.source, form.side) for form in forms} == {(k, side) for k in (0, 1, 2, 3, 5) for side in (1, -1)}
     for form in forms:
         mix = form.shapes[0]
         assert min(abs(mix.lower), abs(mix.upper)) == pytest.approx(0.2)
         assert mix.ends == (form.side > 0, form.side < 0)
+        # What yields turns over a displacement, and over no speed.
+        assert len(form.shapes) == (1 if presliding else 2)
+
+
+def test_friction_of_two_joints_builds_up_over_their_motion_together(context):
+    form, mix = CrossJointFriction(4, 5, 1, 3e-4, 0.5), 0.7
+    columns = form.columns(context, np.array([mix]), form.start())
+    q = np.cos(mix) * context.motion.q[:, 4] + np.sin(mix) * context.motion.q[:, 5]
+    alone = Coulomb(0, presliding=3e-4, presliding_exponent=0.5)
+    moved = replace(context.motion, q=np.tile(q[:, None], (1, 6)))
+    wanted = alone.columns(Context(context.robot, moved), np.zeros(0), alone.start())
+    np.testing.assert_allclose(columns, np.column_stack([wanted, context.motion.dq[:, 5]]))
+    memory = form.start()
+    parts = [form.columns(replace(context, motion=context.motion[rows]), np.array([mix]), memory) for rows in HALVES]
+    np.testing.assert_allclose(np.concatenate(parts), columns)
+
+
+def test_a_drift_that_settles_is_a_steady_one_at_first_and_then_ends():
+    drift, steady = SensorDrift(0, since=100.0, settles=True), SensorDrift(0, since=100.0)
+    t = np.array([100.0, 100.1, 1e4])
+    motion = Motion(t, *np.zeros((3, 3, 1)))
+    columns = drift.columns(Context(None, motion), np.array([20.0]), np.zeros(0))[:, 0]
+    assert columns[1] == pytest.approx(steady.columns(Context(None, motion), np.zeros(0), np.zeros(0))[1, 0], rel=3e-3)
+    assert columns[2] == pytest.approx(20.0 / 3600.0)
+
+
+@pytest.mark.parametrize("side", [1, -1])
+def test_hysteresis_that_two_joints_drive_brakes_this_one(context, side):
+    form, shape = CrossJointHysteresis(4, 5, side), np.array([2e-2, 1.5])
+    columns = form.columns(context, shape, form.start())
+    alone = MaxwellSlip(0)
+    q = side * context.motion.q[:, 5] + 1.5 * context.motion.q[:, 4]
+    moved = replace(context.motion, q=np.tile(q[:, None], (1, 6)))
+    np.testing.assert_allclose(columns, alone.columns(Context(context.robot, moved), shape[:1], alone.start()))
+    assert form.summary(context.robot, shape, np.array([0.0, 2.0, 0.0])) == {
+        "force": 2.0,
+        "slip": 2e-2,
+        "own": 1.5 * side,
+    }
