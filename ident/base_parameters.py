@@ -107,7 +107,7 @@ def _random_motion(rigid_body: RigidBody) -> tuple[FloatArray, FloatArray]:
     dq = rng.uniform(-SPEED, SPEED, shape)
     ddq = rng.uniform(-ACCELERATION, ACCELERATION, shape)
     coupling = rigid_body.coupling
-    return rigid_body.regressor(q, dq, ddq), ddq if coupling is None else ddq @ coupling.matrix.T
+    return rigid_body.regressor(q, dq, ddq), ddq if coupling is None else coupling.motor_motion(ddq)
 
 
 def _from_the_base(body: Multibody) -> IntArray:

@@ -45,7 +45,11 @@ class Coupling:
         Args:
             motion: of the joints.
         """
-        return Motion(motion.t, *(x @ self.matrix.T for x in (motion.q, motion.dq, motion.ddq)))
+        return Motion(motion.t, *map(self.motor_motion, (motion.q, motion.dq, motion.ddq)))
+
+    def motor_motion(self, joint_motion: FloatArray) -> FloatArray:
+        """Return positions, velocities or accelerations (..., n) of the motors by those (..., n) of the joints."""
+        return np.asarray(joint_motion @ self.matrix.T)
 
     def motor_force(self, joint_force: FloatArray) -> FloatArray:
         """Return the motors' forces (..., n) that a force (..., n) of the joints asks of them."""

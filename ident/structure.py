@@ -125,9 +125,9 @@ def choose_structure(
 def _rest_share(design: Design, blocks: Sequence[Block]) -> FloatArray:
     """Share (n,) of each joint's rows in which it stands still."""
     share = np.zeros(design.robot.n)
+    motors = [np.abs(design.robot.motors(block.motion).dq) for block in blocks]
     for j in range(design.robot.n):
-        motors = [design.robot.motors(block.motion).dq[design.kept(block, j), j] for block in blocks]
-        speeds = np.abs(np.concatenate(motors))
+        speeds = np.concatenate([dq[design.kept(b, j), j] for b, dq in zip(blocks, motors, strict=True)])
         share[j] = np.mean(speeds < REST_SPEED) if len(speeds) else 0.0
     return share
 

@@ -183,9 +183,10 @@ class ModelBasedObserver(ABC):
             raise _no_velocity()
         terms = self.model.robot.rigid_body.momentum_terms(q, dq, self._link_parameters)
         drive = self.model.gain * current + terms.coriolis_transpose - terms.gravity
+        motion = Motion(t, q, dq, ddq)
         if self._slips:
-            drive -= self.model.friction(Motion(t, q, dq, ddq), self._memories)
-        rotors = self._rotor_inertia * self.model.robot.motors(Motion(t, q, dq, ddq)).dq
+            drive -= self.model.friction(motion, self._memories)
+        rotors = self._rotor_inertia * self.model.robot.motors(motion).dq
         return Signals(step, terms.momentum + rotors, drive, q)
 
 

@@ -174,7 +174,7 @@ class _Run:
         self.readout.restart()
         self.segment, self.row, self.start = block.segment, 0, self.clock
         self.loop.reset(block.q[0])
-        self.before = block.q[0].copy() if self.coupling is None else self.coupling.matrix @ block.q[0]
+        self.before = block.q[0].copy() if self.coupling is None else self.coupling.motor_motion(block.q[0])
         state = self.virtual.friction_at_start(self.seed, block.segment)
         self.state = FrictionState(state.force, state.slipping, state.anchor, self.heat)
         self.spring: FloatArray | None = None
@@ -194,7 +194,7 @@ class _Run:
             torque = spring_scan(laws.spring, self.spring, torque, self.dt)
         if self.coupling is not None:  # of the joints until here, of the motors from here on
             torque = self.coupling.motor_force(torque)
-            q, dq, ddq = (x @ self.coupling.matrix.T for x in (q, dq, ddq))
+            q, dq, ddq = map(self.coupling.motor_motion, (q, dq, ddq))
         motor = torque + laws.rotor_inertia * ddq
         motor += friction_scan(laws.friction, self.state, q, dq, torque, self.before, self.dt)
         motor += self.virtual.gear_torque(q, dq, torque)
