@@ -35,7 +35,8 @@ ALONE = 0.8
 
 PROMISE = 0.25
 """Share of what the best explains at its start that another must, to be searched before it is known to be needed; and
-share of what its joint's best effect explains, and the one that is left out, that what one joint has must, at all."""
+share of what its joint's best effect explains, and the one that is left out, that what one joint has must, at all;
+and share of what a cause explains on the joint where it shows most from which it is held against others' own, too."""
 
 BEATS, NEARLY = 1.25, 0.98
 """What shows on one joint alone must explain so many times what its best effect does; with fewer parameters, nearly."""
@@ -218,12 +219,14 @@ def _simpler(whole: Whole, single: Trial | None) -> bool:
 
 
 def _rivals(likelihoods: FloatArray, single: FloatArray, affected: BoolArray, helped: IntArray) -> bool:
-    """Whether it explains nearly what joints' best effects do, on most joints that lack something or all that it helps.
+    """Whether it explains nearly what joints' best effects do, on most joints that lack something or all that bear it.
 
     A joint may have a cause of its own besides, and one that it does not help has.
     """
     most = (affected & (likelihoods >= SHARE * single)).sum() >= max(2, MAJORITY * affected.sum())
-    return bool(most or likelihoods.sum() >= SHARE * single[helped].sum())
+    bear = likelihoods >= PROMISE * likelihoods.max()
+    bear[helped] = True
+    return bool(most or likelihoods.sum() >= SHARE * single[bear].sum())
 
 
 def _alternatives(

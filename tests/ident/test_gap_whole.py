@@ -108,3 +108,12 @@ def test_what_a_joint_has_that_a_cause_of_all_does_not_help_is_its_own(helped, i
     likelihoods, singles = np.array([90.0, 9.0, 1.0]), np.array([50.0, 9.0, 400.0])
     affected = np.array([True, False, True])
     assert _rivals(likelihoods, singles, affected, np.array(helped)) is is_rival
+
+
+def test_joints_that_bear_a_cause_of_all_out_must_not_each_have_a_better_one_of_their_own():
+    # Friction that turns late on every joint looks like one delay, which helps one joint by enough to be asked.
+    likelihoods = np.array([671.0, 190.0, 245.0, 275.0, 319.0])
+    affected = np.array([True, True, False, True, True])
+    own = np.array([771.0, 688.0, 249.0, 671.0, 876.0])
+    assert not _rivals(likelihoods, own, affected, np.array([0]))
+    assert _rivals(likelihoods, np.minimum(own, 1.1 * likelihoods), affected, np.array([0]))
