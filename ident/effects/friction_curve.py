@@ -18,8 +18,8 @@ if TYPE_CHECKING:
 SLOWEST_SIGMOID = 0.015
 """Speed [rad/s or m/s] below which a rise of friction is but the smoothing of a sign."""
 
-FASTEST, GEARED = 0.2, 50.0
-"""Speed [rad/s or m/s] by which friction has fallen or risen at most, of a joint with that gear ratio or more."""
+FALLEN, RISEN, GEARED = 0.5, 0.2, 50.0
+"""Speeds [rad/s or m/s] by which friction has fallen, or risen, at most, of a joint with that gear ratio or more."""
 
 
 @dataclass(frozen=True)
@@ -35,7 +35,7 @@ class Stribeck(DirectedEffect):
     """
 
     power: float | None = 2.0
-    fastest: float = FASTEST
+    fastest: float = FALLEN
     lags: bool = False
 
     name = "stribeck"
@@ -46,7 +46,7 @@ class Stribeck(DirectedEffect):
     @classmethod
     def candidates(cls, survey: Survey, joint: int | None) -> list[Effect]:
         """Try it with any power."""
-        return [] if joint is None else [cls.seen(survey, joint, None, _fastest(survey, joint))]
+        return [] if joint is None else [cls.seen(survey, joint, None, FALLEN * _quicker(survey, joint))]
 
     def fuller(self, survey: Survey) -> list[Effect]:
         """Return that with a film that takes its time."""
@@ -138,7 +138,7 @@ class Sigmoid(VelocityEffect):
     """
 
     slowest: float = 1e-3
-    fastest: float = FASTEST
+    fastest: float = RISEN
 
     name = "sigmoid"
     family = "friction"
@@ -150,7 +150,9 @@ class Sigmoid(VelocityEffect):
     @classmethod
     def candidates(cls, survey: Survey, joint: int | None) -> list[Effect]:
         """Try it wider than the smoothing of a sign could be."""
-        return [] if joint is None else [cls.seen(survey, joint, SLOWEST_SIGMOID, _fastest(survey, joint))]
+        if joint is None:
+            return []
+        return [cls.seen(survey, joint, SLOWEST_SIGMOID, RISEN * _quicker(survey, joint))]
 
     @property
     def shapes(self) -> tuple[Shape, ...]:
@@ -241,12 +243,12 @@ class ViscousNonlinear(DirectedEffect):
         return np.abs(self.velocity(context)) + 1e-9
 
 
-def _fastest(survey: Survey, joint: int) -> float:
-    """Greatest speed by which friction has fallen or risen: that of the motor counts, where the gear ratio is known."""
+def _quicker(survey: Survey, joint: int) -> float:
+    """Times by which a joint is quicker at its motor's speed, which counts, than others; where its ratio is known."""
     ratio = survey.robot.gear_ratio
     if ratio is None or survey.robot.multibody.prismatic[joint]:
-        return FASTEST
-    return FASTEST * max(1.0, GEARED / float(ratio[joint]))
+        return 1.0
+    return max(1.0, GEARED / float(ratio[joint]))
 
 
 def _speeds(starts: tuple[float, ...], fastest: float) -> tuple[float, ...]:

@@ -115,7 +115,7 @@ class CrossJointHysteresis(Effect):
         """Return the saturation displacement of the other joint and, where both drive it, the share of the own."""
         if self.side:
             return (Shape("slip", "{angle}", LEAST_SLIP, 0.5, (2e-2,)), Shape("own", "1", 0.05, 20.0, (1.0,)))
-        return (Shape("slip", "{angle}", 1e-4, 0.5, (1e-3, 5e-3, 2e-2, 0.1)),)
+        return (Shape("slip", "{angle}", LEAST_SLIP / 2, 0.5, (2e-3, 5e-3, 2e-2, 0.1)),)
 
     def coefficients(self, robot: Robot) -> tuple[Coefficient, ...]:
         """Return the saturation force, or those of several elements."""

@@ -20,6 +20,9 @@ if TYPE_CHECKING:
 LEAST_MIX = 0.2
 """Angle [rad] between a mix of two joints' motion and the joint's own below which it is the joint's own friction."""
 
+ALONE = 1e-6
+"""The same to the other joint's own below which the joint's own does not count."""
+
 REMEMBERED = 5
 """Samples before a row from which a load's derivatives are extrapolated."""
 
@@ -64,10 +67,12 @@ class CrossJointFriction(Effect):
     def shapes(self) -> tuple[Shape, ...]:
         """Return the angle that mixes the two joints' motion, and the speed over which friction may turn."""
         quarter = 0.25 * np.pi
-        # At the bounds friction is that of the other joint's motion alone.
+        # At the bounds friction is that of the other joint's motion alone, which no search comes near enough to where
+        # that builds up over a fraction of a milliradian.
+        alone = 2 * quarter - ALONE
         lower = LEAST_MIX if self.side > 0 else -2 * quarter
         upper = -LEAST_MIX if self.side < 0 else 2 * quarter
-        starts = tuple(x for x in (quarter, -quarter, 1.4, -1.4) if lower < x < upper)
+        starts = tuple(x for x in (quarter, -quarter, 1.4, -1.4, alone, -alone) if lower < x < upper)
         mix = Shape("mix", "rad", lower, upper, starts, log=False, ends=(self.side > 0, self.side < 0))
         if self.presliding > 0.0:
             return (mix,)

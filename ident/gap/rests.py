@@ -75,6 +75,10 @@ SEVERAL = 4.0
 SLIP = 1e-3
 """Displacement [rad or m] before a joint slips below which it sticks: dry friction yields by that much in its gears."""
 
+BUILDS_UP = 1.5
+"""Displacement at which elements slip, on the average, over that by which dry friction builds up with them: 1 where it
+does so linearly, 2 by Dahl's law."""
+
 TELLING = ("hysteresis", "rigid-body", "friction", "timing")
 """Families of effects that may act on a joint that stands; ripples fit whatever a few poses hold."""
 
@@ -158,7 +162,8 @@ def rests_of(model: CurrentModel, panel: Panel, survey: Survey) -> Rests:
     def sticking(gap: JointGap, times: float) -> bool:
         return bool(may[gap.joint]) and _sticks(panel, survey, gap, rests[:, gap.joint], noise[:, gap.joint], times)
 
-    sticks = in_company(sticking, gaps, np.where(survey.presliding > 0.0, BESIDE, STICKS))
+    yields = survey.presliding > 0.0
+    sticks = in_company(sticking, gaps, np.where(yields, BESIDE, STICKS), yields)
     everyone = np.sum(sticks) >= ALL * may.sum()
     return Rests(may if everyone else sticks, may, speed, HELD * survey.holds, around, coupling)
 
@@ -169,10 +174,12 @@ def noise_at_turns(model: CurrentModel, panel: Panel, survey: Survey) -> FloatAr
     return np.where(turning(panel, survey), np.minimum(shaken(model, panel, survey), survey.holds), 0.0)
 
 
-def in_company(asks: Callable[[JointGap, float], bool], gaps: Sequence[JointGap], times: FloatArray) -> BoolArray:
-    """Joints (n,) of which it is true with so many times (n,), or with fewer where it is of several."""
+def in_company(
+    asks: Callable[[JointGap, float], bool], gaps: Sequence[JointGap], times: FloatArray, known: BoolArray
+) -> BoolArray:
+    """Joints (n,) of which it is true with so many times (n,), or with fewer where it is of several or known (n,)."""
     found = in_threads(lambda gap: asks(gap, float(times[gap.joint])), gaps)
-    if np.mean(found) >= TOGETHER[0]:
+    if np.mean(found | known) >= TOGETHER[0]:
         found = in_threads(lambda gap: found[gap.joint] or asks(gap, TOGETHER[1]), gaps)
     return np.array(found, dtype=bool)
 
@@ -290,4 +297,4 @@ def slipless(panel: Panel, gap: JointGap, trial: Trial, besides: Sequence[Trial]
         return False
     found = coefficients(panel, gap.problem(panel, besides), trial, gap.joint)
     slip = trial.effect.summary(panel.robot, trial.shape, found).get("slip", np.inf)
-    return float(np.sum(slip)) < SLIP
+    return float(np.sum(slip)) < BUILDS_UP * SLIP

@@ -23,6 +23,9 @@ from ident.walk import Block, kept_rows
 SMOOTHINGS = np.geomspace(3e-4, 2.0 * SLOWEST_SIGMOID, 15)
 """Speeds [rad/s or m/s] over which the sign of velocity may turn; beyond, it is an effect of its own (sigmoid)."""
 
+SHARPER = np.geomspace(3e-6, SMOOTHINGS[0], 7)
+"""Those tried where none of them is sharp enough, as of slides that move by millimetres a second."""
+
 TOLD = 0.05
 """Share by which a joint's mean squared error in motion must be larger with another smoothing for motion to tell."""
 
@@ -82,11 +85,13 @@ def _turning(model: CurrentModel, panel: Panel, counts: BoolArray, joint: int) -
     dry = DryFriction.of(model, panel, joint)
     if dry is None:
         return None, _mean_error(gap_of(model, panel, joint).bare().without(~counts).problem(panel))
-    widths = SMOOTHINGS.tolist() if dry.law.presliding == 0.0 else [dry.law.smoothing]
-    laws = [replace(dry.law, smoothing=width) for width in widths]
-    columns = [dry.columns(law) for law in laws]
+    turns = dry.law.presliding == 0.0
+    laws, columns = _turned(dry, SMOOTHINGS if turns else np.array([dry.law.smoothing]))
     best, left = _best(dry, counts, columns)
-    if best > 0:
+    if turns and best == 0:
+        laws, columns = _turned(dry, SHARPER)
+        best, _ = _best(dry, counts, columns)
+    elif best > 0:
         grows = np.tanh(panel.velocity[:, joint, None] / (GROWS * SMOOTHINGS[-1]))
         beside = replace(dry, others=np.hstack([dry.others, grows]))
         sharp, rest = _best(beside, counts, columns)
@@ -94,6 +99,12 @@ def _turning(model: CurrentModel, panel: Panel, counts: BoolArray, joint: int) -
             dry, best = beside, sharp
     law = laws[best]
     return law, _mean_error(dry.rows(counts, law).problem(panel))
+
+
+def _turned(dry: DryFriction, widths: FloatArray) -> tuple[list[Coulomb], list[FloatArray]]:
+    """The law turning over each of some speeds, and its columns."""
+    laws = [replace(dry.law, smoothing=width) for width in widths.tolist()]
+    return laws, [dry.columns(law) for law in laws]
 
 
 def _best(dry: DryFriction, counts: BoolArray, columns: Sequence[FloatArray]) -> tuple[int, float]:

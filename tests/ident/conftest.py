@@ -1,10 +1,11 @@
 """Small motions and logs on which identification is tested."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import numpy as np
 import pytest
+from joblib import parallel_config
 from scipy.signal import lfilter
 
 from ident.effects.base import Context
@@ -23,6 +24,13 @@ ARM = """<robot name="arm"><link name="base"/>
 <limit lower="-2.5" upper="2.5" velocity="3" effort="50"/></joint></robot>"""
 
 GAIN = np.array([0.71, 0.81, 0.403, 0.112, 0.144, 0.076])  # [N m per %Use]
+
+
+@pytest.fixture(autouse=True)
+def one_thread_a_process() -> Iterator[None]:
+    """Do one after the other what is shared out to threads: tests share the cores among processes as it is."""
+    with parallel_config(backend="sequential"):
+        yield
 
 
 @pytest.fixture(scope="session")

@@ -14,7 +14,7 @@ from ident.gap import rests as rests_module
 from ident.gap.edge import edge_columns, with_slight_edge
 from ident.gap.evidence import evidence
 from ident.gap.joint_gap import JointGap
-from ident.gap.rests import Rests, _hunts, find_rests
+from ident.gap.rests import Rests, _hunts, find_rests, in_company
 from ident.gap.rows import panel_of, survey_of
 from ident.gap.search import search
 from ident.gap.standing import stands
@@ -347,3 +347,11 @@ def test_what_turns_the_sign_otherwise_beside_rests_is_no_effect(arm, slow, name
     bare, slight = replace(gap, edge=None), with_slight_edge(panel, gap, own)
     assert search(panel, survey, bare).winner(panel) is not None
     assert (search(panel, survey, slight).winner(panel) is not None) == named
+
+
+@pytest.mark.parametrize(("known", "sticks"), [(0, False), (1, True)])
+def test_friction_that_yields_over_a_displacement_holds_so_that_others_stick_sooner(known, sticks):
+    gaps = [SimpleNamespace(joint=joint) for joint in range(3)]
+    yields = np.arange(3) < known
+    found = in_company(lambda gap, times: gap.joint == 2 and times <= 4.3, gaps, np.full(3, 9.0), yields)
+    assert found.tolist() == [False, False, sticks]
