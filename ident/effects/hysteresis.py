@@ -22,8 +22,8 @@ FINE_SPREAD = (0.1, 0.3, 1.0, 3.0, 10.0)
 SPREAD = (0.25, 1.0, 4.0)
 """The same of those of a coarser curve."""
 
-LEAST_SLIP = 2e-3
-"""Displacement [rad or m] below which what two joints drive together is friction."""
+LEAST_SLIP = 1e-3
+"""Displacement [rad or m] below which what another joint drives is friction; twice that where the own drives it, too."""
 
 
 @dataclass(frozen=True)
@@ -114,8 +114,8 @@ class CrossJointHysteresis(Effect):
     def shapes(self) -> tuple[Shape, ...]:
         """Return the saturation displacement of the other joint and, where both drive it, the share of the own."""
         if self.side:
-            return (Shape("slip", "{angle}", LEAST_SLIP, 0.5, (2e-2,)), Shape("own", "1", 0.05, 20.0, (1.0,)))
-        return (Shape("slip", "{angle}", LEAST_SLIP / 2, 0.5, (2e-3, 5e-3, 2e-2, 0.1)),)
+            return (Shape("slip", "{angle}", 2.0 * LEAST_SLIP, 0.5, (2e-2,)), Shape("own", "1", 0.05, 20.0, (1.0,)))
+        return (Shape("slip", "{angle}", LEAST_SLIP, 0.5, (2e-3, 5e-3, 2e-2, 0.1)),)
 
     def coefficients(self, robot: Robot) -> tuple[Coefficient, ...]:
         """Return the saturation force, or those of several elements."""
