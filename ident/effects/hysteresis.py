@@ -23,7 +23,7 @@ SPREAD = (0.25, 1.0, 4.0)
 """The same of those of a coarser curve."""
 
 LEAST_SLIP = 1e-3
-"""Displacement [rad or m] below which what another joint drives is friction; twice that where the own drives it, too."""
+"""Displacement [rad or m] below which what another joint drives is friction; twice that where the own does, too."""
 
 
 @dataclass(frozen=True)
