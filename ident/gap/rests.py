@@ -75,10 +75,6 @@ SEVERAL = 4.0
 SLIP = 1e-3
 """Displacement [rad or m] before a joint slips below which it sticks: dry friction yields by that much in its gears."""
 
-BUILDS_UP = 1.5
-"""Displacement at which elements slip, on the average, over that by which dry friction builds up with them: 1 where it
-does so linearly, 2 by Dahl's law."""
-
 TELLING = ("hysteresis", "rigid-body", "friction", "timing")
 """Families of effects that may act on a joint that stands; ripples fit whatever a few poses hold."""
 
@@ -297,4 +293,4 @@ def slipless(panel: Panel, gap: JointGap, trial: Trial, besides: Sequence[Trial]
         return False
     found = coefficients(panel, gap.problem(panel, besides), trial, gap.joint)
     slip = trial.effect.summary(panel.robot, trial.shape, found).get("slip", np.inf)
-    return float(np.sum(slip)) < BUILDS_UP * SLIP
+    return float(np.sum(slip)) < SLIP

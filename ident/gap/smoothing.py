@@ -33,7 +33,7 @@ GROWS = np.array([2.0, 5.0, 14.0])
 """Times the slowest of them over which friction that grows with the speed does so."""
 
 FAR_MORE = 0.15
-"""Share of the squared residual that such friction beside a sharper sign must tell."""
+"""Share of the squared residual that such friction beside a sharper sign must tell, and a sign sharper than those."""
 
 MOST_ROWS = 0.9
 """Share of the rows that must be left without logs' ends."""
@@ -89,8 +89,10 @@ def _turning(model: CurrentModel, panel: Panel, counts: BoolArray, joint: int) -
     laws, columns = _turned(dry, SMOOTHINGS if turns else np.array([dry.law.smoothing]))
     best, left = _best(dry, counts, columns)
     if turns and best == 0:
-        laws, columns = _turned(dry, SHARPER)
-        best, _ = _best(dry, counts, columns)
+        finer, of_finer = _turned(dry, SHARPER)
+        sharp, rest = _best(dry, counts, of_finer)
+        if rest < (1.0 - FAR_MORE) * left:
+            laws, best = finer, sharp
     elif best > 0:
         grows = np.tanh(panel.velocity[:, joint, None] / (GROWS * SMOOTHINGS[-1]))
         beside = replace(dry, others=np.hstack([dry.others, grows]))
