@@ -67,8 +67,8 @@ class CrossJointFriction(Effect):
     def shapes(self) -> tuple[Shape, ...]:
         """Return the angle that mixes the two joints' motion, and the speed over which friction may turn."""
         quarter = 0.25 * np.pi
-        # At the bounds friction is that of the other joint's motion alone, which no search comes near enough to where
-        # that builds up over a fraction of a milliradian.
+        # At the bounds friction is that of the other joint's motion alone. Where it builds up over a fraction of a
+        # milliradian no search comes near enough to them.
         alone = 2 * quarter - ALONE
         lower = LEAST_MIX if self.side > 0 else -2 * quarter
         upper = -LEAST_MIX if self.side < 0 else 2 * quarter

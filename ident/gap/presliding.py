@@ -220,7 +220,7 @@ def _err_after_turns(
         much = holds(*contrast(left, turned[:, j], noise[:, j]), times, float(survey.holds[j]))
         return much and _slips(panel, survey, gap, turned[:, j])
 
-    return in_company(errs, gaps, np.full(len(gaps), STICKS), np.zeros(len(gaps), dtype=bool))
+    return in_company(errs, gaps, np.full(len(gaps), STICKS))
 
 
 def _slips(panel: Panel, survey: Survey, gap: JointGap, turned: BoolArray) -> bool:

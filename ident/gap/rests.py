@@ -171,11 +171,14 @@ def noise_at_turns(model: CurrentModel, panel: Panel, survey: Survey) -> FloatAr
 
 
 def in_company(
-    asks: Callable[[JointGap, float], bool], gaps: Sequence[JointGap], times: FloatArray, known: BoolArray
+    asks: Callable[[JointGap, float], bool],
+    gaps: Sequence[JointGap],
+    times: FloatArray,
+    known: BoolArray | bool = False,
 ) -> BoolArray:
     """Joints (n,) of which it is true with so many times (n,), or with fewer where it is of several or known (n,)."""
     found = in_threads(lambda gap: asks(gap, float(times[gap.joint])), gaps)
-    if np.mean(found | known) >= TOGETHER[0]:
+    if np.mean(np.logical_or(found, known)) >= TOGETHER[0]:
         found = in_threads(lambda gap: found[gap.joint] or asks(gap, TOGETHER[1]), gaps)
     return np.array(found, dtype=bool)
 
