@@ -26,6 +26,10 @@ must themselves."""
 BOUND = 0.01
 """Share of a shape parameter's range, or of the bound itself where that is less, that counts as the bound."""
 
+BEHIND = 0.4
+"""Share of what the best law so far explains that another must, after a coarse search, to be searched to the end: what
+is behind then ends behind."""
+
 TAIL = 0.2
 """Share of a law's largest force in all rows that those that count must reach for them to tell its size."""
 
@@ -161,14 +165,14 @@ def screen(panel: Panel, gate: Gate, effect: Effect, joint: int) -> Trial:
     return best
 
 
-def refine(panel: Panel, problem: JointProblem, starts: Sequence[Trial], joint: int) -> Trial:
-    """Search the shape parameters of an effect, if it has any, around starts."""
+def refine(panel: Panel, problem: JointProblem, starts: Sequence[Trial], joint: int, least: float = 0.0) -> Trial:
+    """Search the shape parameters of an effect, if it has any, around starts; roughly where it explains too little."""
     first = starts[0]
 
     def drop(shape: FloatArray) -> float:
         return problem.drop(admissible(panel, problem, first.effect, shape, joint))
 
-    shape, best = climb(drop, first.effect.shapes, [(one.shape, one.drop) for one in starts])
+    shape, best = climb(drop, first.effect.shapes, [(one.shape, one.drop) for one in starts], least)
     return replace(first, shape=shape, drop=best)
 
 
@@ -209,10 +213,11 @@ def best_trials(panel: Panel, survey: Survey, gate: Gate, effects: Sequence[Effe
     screened = sorted((screen(panel, gate, e, joint) for e in effects), key=lambda t: -t.drop)
     laws = [(trial.effect.name, *kind_of(trial.effect)) for trial in screened]
     further = list(dict.fromkeys(laws))[:SEARCHED]
-    found = [
-        refine(panel, problem, [trial], joint) if law in further else trial
-        for law, trial in zip(laws, screened, strict=True)
-    ]
+    found, most = [], 0.0
+    for law, trial in zip(laws, screened, strict=True):
+        searched = refine(panel, problem, [trial], joint, BEHIND * most) if law in further else trial
+        found.append(searched)
+        most = max(most, 0.0 if searched.at_bound else searched.drop)
     least = HINTS * float(np.sum(problem.residual**2))
     likely = [k for k, trial in enumerate(found) if laws[k] in further and trial.drop > least]
     plain = [(found[k], screened[k]) for k in likely]

@@ -23,18 +23,21 @@ EDGE = 0.03
 
 
 def climb(
-    value: Callable[[FloatArray], float], shapes: Sequence[Shape], starts: Sequence[tuple[FloatArray, float]]
+    value: Callable[[FloatArray], float],
+    shapes: Sequence[Shape],
+    starts: Sequence[tuple[FloatArray, float]],
+    least: float = 0.0,
 ) -> tuple[FloatArray, float]:
     """Search shapes (k,) for the largest value around starts, each with its own; return both.
 
     Golden sections along one parameter after the other, as far as the neighbouring starts. Several, which may be bound
     to one another, are searched so once more from the best, and then moved together by a simplex (Nelder and Mead
-    1965).
+    1965), unless the first sections lead to less than ``least``.
     """
     alone = len(shapes) < 2
     steps = STEPS if alone else COARSE
     best = max((_along_each(value, shapes, *start, steps) for start in starts), key=lambda one: one[1])
-    if alone:
+    if alone or best[1] < least:
         return best
     best = _along_each(value, shapes, *best, STEPS)
     return together(value, shapes, *best) if best[1] > 0.0 else best
