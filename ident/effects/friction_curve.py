@@ -135,10 +135,12 @@ class Sigmoid(VelocityEffect):
     Attributes:
         slowest: least speed [rad/s or m/s] over which the sigmoid may rise.
         fastest: greatest.
+        symmetric: whether it rises alike both ways, without the shift, which few turns tell.
     """
 
     slowest: float = 1e-3
     fastest: float = RISEN
+    symmetric: bool = False
 
     name = "sigmoid"
     family = "friction"
@@ -152,16 +154,19 @@ class Sigmoid(VelocityEffect):
         """Try it wider than the smoothing of a sign could be."""
         if joint is None:
             return []
-        return [cls.seen(survey, joint, SLOWEST_SIGMOID, RISEN * _quicker(survey, joint))]
+        return [cls.seen(survey, joint, SLOWEST_SIGMOID, RISEN * _quicker(survey, joint), True)]
+
+    def fuller(self, survey: Survey) -> list[Effect]:
+        """Return that with a shift."""
+        return [replace(self, symmetric=False)] if self.symmetric else []
 
     @property
     def shapes(self) -> tuple[Shape, ...]:
-        """Return the speed over which the sigmoid rises (1/phi2) and its shift (phi3)."""
+        """Return the speed over which the sigmoid rises (1/phi2) and, unless it is symmetric, its shift (phi3)."""
         starts = (0.03, max(0.006, 1.2 * self.slowest), 0.1)
-        return (
-            Shape("speed", "{angle}/s", self.slowest, self.fastest, _speeds(starts, self.fastest)),
-            Shape("shift", "{angle}/s", -0.1, 0.1, (0.0,), log=False),
-        )
+        speed = Shape("speed", "{angle}/s", self.slowest, self.fastest, _speeds(starts, self.fastest))
+        shift = Shape("shift", "{angle}/s", -0.1, 0.1, (0.0,), log=False)
+        return (speed,) if self.symmetric else (speed, shift)
 
     def coefficients(self, robot: Robot) -> tuple[Coefficient, ...]:
         """Return the friction between full motion in - and in + direction, phi1, never negative."""
@@ -169,25 +174,29 @@ class Sigmoid(VelocityEffect):
 
     def columns(self, context: Context, shape: FloatArray, memory: FloatArray) -> FloatArray:
         """Return 1/(1+exp(-(dq+shift)/speed)) - 1/(1+exp(-shift/speed))."""
-        speed, shift = shape
+        speed, shift = self._speed_and_shift(shape)
         return (_logistic((self.velocity(context) + shift) / speed) - _logistic(shift / speed))[:, None]
 
     def gradient(self, context: Context, shape: FloatArray) -> FloatArray:
         """Differentiate the columns by speed and shift."""
-        speed, shift = shape
+        speed, shift = self._speed_and_shift(shape)
         moved, rest = (self.velocity(context) + shift) / speed, shift / speed
         slope, slope_rest = _logistic(moved) * _logistic(-moved), _logistic(rest) * _logistic(-rest)
         by_speed = -(slope * moved - slope_rest * rest) / speed
         by_shift = (slope - slope_rest) / speed
-        return np.stack([by_speed, by_shift])[:, :, None]
+        return np.stack([by_speed, by_shift])[: len(shape), :, None]
 
     def summary(self, robot: Robot, shape: FloatArray, coefficients: FloatArray) -> dict[str, float | list[float]]:
         """Return force and speed of the same law written force tanh((dq + shift) / speed): force is that of one way."""
-        return {"force": float(0.5 * coefficients[0]), "speed": self.turns_over(shape), "shift": float(shape[1])}
+        _, shift = self._speed_and_shift(shape)
+        return {"force": float(0.5 * coefficients[0]), "speed": self.turns_over(shape), "shift": float(shift)}
 
     def turns_over(self, shape: FloatArray) -> float:
         """Return the speed of the same law written as a hyperbolic tangent."""
         return float(2.0 * shape[0])
+
+    def _speed_and_shift(self, shape: FloatArray) -> FloatArray:
+        return np.append(shape, 0.0) if self.symmetric else shape
 
 
 @dataclass(frozen=True)

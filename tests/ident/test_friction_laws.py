@@ -103,6 +103,19 @@ def test_friction_that_yields_builds_up_as_dahl_wrote(vs060, exponent):
     assert np.all(np.abs(found) <= 1.0)
 
 
+def test_a_symmetric_sigmoid_is_one_without_shift(context):
+    # Few turns tell a shift: it is tried only where the plain law shows.
+    plain, full = Sigmoid(1, symmetric=True), Sigmoid(1)
+    assert plain.fuller(None) == [full]
+    assert full.fuller(None) == []
+    one, both = np.array([0.06]), np.array([0.06, 0.0])
+    columns = [law.columns(context, shape, law.start()) for law, shape in ((plain, one), (full, both))]
+    np.testing.assert_array_equal(*columns)
+    np.testing.assert_array_equal(plain.gradient(context, one), full.gradient(context, both)[:1])
+    figures = {law.summary(context.robot, x, np.ones(1))["shift"] for law, x in ((plain, one), (full, both))}
+    assert figures == {0.0}
+
+
 def test_a_searched_power_of_stribeck_friction_is_the_given_one(context):
     given, searched = Stribeck(1, power=1.3), Stribeck(1, power=None)
     columns = given.columns(context, np.array([0.05]), given.start())
