@@ -23,7 +23,7 @@ SPREAD = (0.25, 1.0, 4.0)
 """The same of those of a coarser curve."""
 
 LEAST_SLIP = 1e-3
-"""Displacement [rad or m] below which what another joint drives is friction; twice that where the own does, too."""
+"""Displacement [rad or m] before slip below which a joint sticks: dry friction yields by that much in its gears."""
 
 
 @dataclass(frozen=True)

@@ -13,13 +13,13 @@ from ident.effects.base import Effect, Survey
 from ident.effects.direction import VelocityEffect
 from ident.effects.friction import Coulomb
 from ident.effects.friction_curve import Stribeck
+from ident.effects.hysteresis import LEAST_SLIP
 from ident.gap.candidates import best_start, forms, refine
 from ident.gap.joint_gap import JointGap
 from ident.gap.panel import Panel
 from ident.gap.problem import JointProblem
 from ident.gap.rests import (
     SEVERAL,
-    SLIP,
     STICKS,
     TOGETHER,
     Rests,
@@ -36,7 +36,7 @@ from ident.gap.rows import gap_of
 from ident.gap.standing import hardly_moved, of_motors
 from ident.model import CurrentModel
 
-DISPLACEMENTS, EXPONENTS = (1e-5, SLIP), (0.0, 1.0)
+DISPLACEMENTS, EXPONENTS = (1e-5, LEAST_SLIP), (0.0, 1.0)
 """Displacements [rad or m] over which friction may build up, and exponents; beyond, it is an effect of its own
 (maxwell-slip)."""
 
@@ -139,7 +139,7 @@ def yielding(model: CurrentModel, panel: Panel, survey: Survey, rests: Rests) ->
     """
     gaps = [gap_of(model, panel, j) for j in range(model.n)]
     coupling = model.robot.coupling
-    turned = panel.gather(lambda block: hardly_moved(of_motors(block, coupling), np.full(model.n, SLIP)))
+    turned = panel.gather(lambda block: hardly_moved(of_motors(block, coupling), np.full(model.n, LEAST_SLIP)))
     noise = noise_at_turns(model, panel, survey)
     rows = np.where(rests.sticks, ~panel.gather(rests.counts), turned)
     asked = np.flatnonzero(rests.sticks | _err_after_turns(panel, survey, gaps, turned, noise)).tolist()

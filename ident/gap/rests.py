@@ -15,6 +15,7 @@ from scipy.ndimage import label
 from ident.arrays import BoolArray, FloatArray, IntArray
 from ident.coupling import Coupling
 from ident.effects.base import Survey
+from ident.effects.hysteresis import LEAST_SLIP
 from ident.gap.candidates import Trial, admissible, best_start, coefficients, forms, refine
 from ident.gap.joint_gap import JointGap
 from ident.gap.panel import Panel
@@ -71,9 +72,6 @@ EXPLAINED = 0.9
 
 SEVERAL = 4.0
 """Rests without which none of them is told of: one level is explained by anything."""
-
-SLIP = 1e-3
-"""Displacement [rad or m] before a joint slips below which it sticks: dry friction yields by that much in its gears."""
 
 TELLING = ("hysteresis", "rigid-body", "friction", "timing")
 """Families of effects that may act on a joint that stands; ripples fit whatever a few poses hold."""
@@ -296,4 +294,4 @@ def slipless(panel: Panel, gap: JointGap, trial: Trial, besides: Sequence[Trial]
         return False
     found = coefficients(panel, gap.problem(panel, besides), trial, gap.joint)
     slip = trial.effect.summary(panel.robot, trial.shape, found).get("slip", np.inf)
-    return float(np.sum(slip)) < SLIP
+    return float(np.sum(slip)) < LEAST_SLIP

@@ -23,7 +23,7 @@ from ident.walk import Block, kept_rows
 SMOOTHINGS = np.geomspace(3e-4, 2.0 * SLOWEST_SIGMOID, 15)
 """Speeds [rad/s or m/s] over which the sign of velocity may turn; beyond, it is an effect of its own (sigmoid)."""
 
-SHARPER = np.geomspace(3e-6, SMOOTHINGS[0], 7)
+SHARPER = np.geomspace(3e-6, SMOOTHINGS[0], 6, endpoint=False)
 """Those tried where none of them is sharp enough, as of slides that move by millimetres a second."""
 
 TOLD = 0.05
