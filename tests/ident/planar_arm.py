@@ -4,6 +4,9 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 
 from ident.gap import baseline_model, find_gap
+from ident.gap.rows import gap_of, panel_of, survey_of
+from ident.gap.search import search
+from ident.gap.whole import whole_effect
 from ident.log import JointLog
 
 RATE, NOISE = 100.0, 0.08
@@ -38,6 +41,15 @@ def record(arm, seed, hidden=None, mass=0.0):
 
 def logs(arm, first, **options):
     return [record(arm, seed, **options) for seed in range(first, first + 3)]
+
+
+def cause_of_all(arm, train):
+    """The cause of the whole robot that logs show first, before anything else is named."""
+    model = baseline_model(arm, train)
+    panel = panel_of(model, train)
+    survey = survey_of(model, panel)
+    searches = [search(panel, survey, gap_of(model, panel, joint)) for joint in range(arm.n)]
+    return whole_effect(panel, survey, searches, [])
 
 
 def structure(arm, **options):

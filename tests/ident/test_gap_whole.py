@@ -98,9 +98,10 @@ def test_all_of_the_current_comes_late_where_that_explains_nearly_as_much(arm):
         return replace(log, current=lfilter(*passes, log.current, axis=0, zi=settled)[0])
 
     train = [filtered(planar_arm.record(arm, seed)) for seed in (1, 2, 3)]
-    (late,) = find_gap(baseline_model(arm, train), train).findings
-    assert (late.effect, late.joints) == ("delay", ())
-    assert late.parameters["seconds"] == pytest.approx(late.parameters["span"], rel=0.1)
+    late = planar_arm.cause_of_all(arm, train)
+    assert late.effect.name == "delay"
+    told = late.law.effect.summary(arm, late.law.shape, late.law.coefficients)
+    assert told["seconds"] == pytest.approx(told["span"], rel=0.1)
 
 
 @pytest.mark.parametrize(("helped", "is_rival"), [([0, 1], True), ([0, 1, 2], False)])
