@@ -143,11 +143,16 @@ class _Judge:
         several = self.last or self.panel.robot.n > 1
         return len(helped) == 1 and several and bool(explained[helped[0]] >= ALONE * explained.sum())
 
-    def _own(self, helped: IntArray, explained: FloatArray) -> list[tuple[Trial | None, float, float]]:
-        """Best effects of the joint on which alone a cause shows, with what they and the cause explain there."""
+    def _own(self, helped: IntArray, explained: FloatArray) -> list[tuple[Trial, float, float]]:
+        """Effects of the joint on which alone a cause shows, best first, with what they and the cause explain there."""
         if not self._alone(helped, explained):
             return []
-        return [(self.searches[j].closest, self._single[j], explained[j]) for j in helped.tolist()]
+        (joint,) = helped.tolist()
+        search = self.searches[joint]
+        own = [trial for trial in search.trials if trial is search.closest or not trial.at_bound]
+        left = np.array([search.before.total - search.explained(trial) for trial in own])
+        found = likelihoods([search.problem] * len(own), np.full(len(own), search.before.total), left)
+        return [(trial, gained, explained[joint]) for trial, gained in zip(own, found.tolist(), strict=True)]
 
     def _shown(self, best: Whole, helped: IntArray, explained: FloatArray) -> bool:
         """Whether a cause explains about as much as the effects of the joints that it helps, and at any pace."""
@@ -230,17 +235,17 @@ def _rivals(likelihoods: FloatArray, single: FloatArray, affected: BoolArray, he
 
 
 def _alternatives(
-    best: Whole, ranking: Sequence[Whole], own: Sequence[tuple[Trial | None, float, float]]
+    best: Whole, ranking: Sequence[Whole], own: Sequence[tuple[Trial, float, float]]
 ) -> dict[str, Trial]:
     """Names that explain nearly as much, or nearly so of a rival, whose laws are closer than either is to the truth.
 
     Args:
         best: the cause that is named.
         ranking: all that were tried.
-        own: joints' best effects instead, each with what it explains and what the cause does there.
+        own: effects of one joint instead, each with what it explains and what the cause does there.
     """
     tried = [(Trial(other.effect, other.shape, 0.0), other.likelihood, best.likelihood) for other in ranking]
-    tried += [(trial, explained, by_best) for trial, explained, by_best in own if trial is not None]
+    tried += own
     names: dict[str, Trial] = {}
     for trial, explained, by_best in tried:
         share = 1.0 - RIVAL_LAW if best.effect.rivals_with(trial.effect) else LAW
