@@ -234,9 +234,7 @@ def _rivals(likelihoods: FloatArray, single: FloatArray, affected: BoolArray, he
     return bool(most or likelihoods.sum() >= SHARE * single[bear].sum())
 
 
-def _alternatives(
-    best: Whole, ranking: Sequence[Whole], own: Sequence[tuple[Trial, float, float]]
-) -> dict[str, Trial]:
+def _alternatives(best: Whole, ranking: Sequence[Whole], own: Sequence[tuple[Trial, float, float]]) -> dict[str, Trial]:
     """Names that explain nearly as much, or nearly so of a rival, whose laws are closer than either is to the truth.
 
     Args:
