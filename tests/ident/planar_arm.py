@@ -4,9 +4,6 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 
 from ident.gap import baseline_model, find_gap
-from ident.gap.rows import gap_of, panel_of, survey_of
-from ident.gap.search import search
-from ident.gap.whole import whole_effect
 from ident.log import JointLog
 
 RATE, NOISE = 100.0, 0.08
@@ -27,12 +24,17 @@ def motion(seed, seconds=60.0):
     return t, spline(t), spline(t, 1), spline(t, 2)
 
 
+def friction(dq):
+    """Dry and viscous friction of both joints."""
+    return np.array([1.5, 0.8]) * np.tanh(dq / 2e-3) + np.array([1.0, 0.5]) * dq
+
+
 def record(arm, seed, hidden=None, mass=0.0):
     t, q, dq, ddq = motion(seed)
     parameters = arm.multibody.parameters.copy()
     parameters[10:14] += mass * np.array([1.0, 0.4, 0.0, 0.0])
     torque = arm.rigid_body.inverse_dynamics(q, dq, ddq, np.tile(parameters, (2, 1)))
-    torque += np.array([1.5, 0.8]) * np.tanh(dq / 2e-3) + np.array([1.0, 0.5]) * dq
+    torque += friction(dq)
     torque += NOISE * np.random.default_rng(seed + 50).standard_normal(q.shape)
     if hidden is not None:
         torque[:, 1] += hidden(t, q, dq)
@@ -41,15 +43,6 @@ def record(arm, seed, hidden=None, mass=0.0):
 
 def logs(arm, first, **options):
     return [record(arm, seed, **options) for seed in range(first, first + 3)]
-
-
-def cause_of_all(arm, train):
-    """The cause of the whole robot that logs show first, before anything else is named."""
-    model = baseline_model(arm, train)
-    panel = panel_of(model, train)
-    survey = survey_of(model, panel)
-    searches = [search(panel, survey, gap_of(model, panel, joint)) for joint in range(arm.n)]
-    return whole_effect(panel, survey, searches, [])
 
 
 def structure(arm, **options):

@@ -4,7 +4,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from planar_arm import NOISE, record
+from planar_arm import NOISE, RATE, friction
 from scipy.interpolate import CubicSpline
 
 from ident.effects.friction import CoulombAsymmetry, Viscous
@@ -16,22 +16,23 @@ from ident.gap.rows import gap_of, panel_of, survey_of
 from ident.gap.search import search
 from ident.gap.settle import alternatives
 from ident.gap.whole import _Judge
+from ident.log import JointLog
 
 
 def creep(arm, seed):
     """Both joints at 60 mrad/s and less, over which the second one's friction falls."""
-    log = record(arm, seed)
     rng = np.random.default_rng(seed)
+    t = np.arange(6000) / RATE
     waves = (
-        rng.uniform(0.02, 0.05, 2) * np.sin(2 * np.pi * f * log.t[:, None] + rng.uniform(0, 6, 2))
+        rng.uniform(0.02, 0.05, 2) * np.sin(2 * np.pi * f * t[:, None] + rng.uniform(0, 6, 2))
         for f in (0.05, 0.11, 0.17)
     )
-    spline = CubicSpline(log.t, sum(waves))
-    q, dq, ddq = spline(log.t), spline(log.t, 1), spline(log.t, 2)
+    spline = CubicSpline(t, sum(waves))
+    q, dq, ddq = spline(t), spline(t, 1), spline(t, 2)
     torque = arm.rigid_body.inverse_dynamics(q, dq, ddq, np.tile(arm.multibody.parameters, (2, 1)))
-    torque += np.array([1.5, 0.8]) * np.tanh(dq / 2e-3) + np.array([1.0, 0.5]) * dq
+    torque += friction(dq)
     torque[:, 1] += np.tanh(dq[:, 1] / 2e-3) * np.exp(-((dq[:, 1] / 0.1) ** 2))
-    return log.replace(q=q, current=torque + 0.2 * NOISE * rng.standard_normal(q.shape))
+    return JointLog(t=t, q=q, current=torque + 0.2 * NOISE * rng.standard_normal(q.shape), name=f"creep{seed}")
 
 
 def test_a_law_that_fits_best_where_it_ends_is_open_if_a_usual_shape_of_it_does_as_well(arm):

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from planar_arm import NOISE, RATE, cause_of_all, logs, record
+from planar_arm import NOISE, RATE, logs, record
 from scipy.signal import lfilter
 
 from ident.effects import load_catalogue
@@ -72,8 +72,9 @@ def test_a_late_current_is_told_by_what_its_law_allows(arm, law):
         shifted = np.stack([np.interp(log.t - 0.01, log.t, x) for x in log.current.T], axis=1)
         return log.replace(current=shifted if law == "delay" else filtered)
 
-    found = cause_of_all(arm, [late(seed) for seed in (1, 2, 3)])
-    assert (found.effect.name, found.effect.joint) == (law, None)
+    train = [late(seed) for seed in (1, 2, 3)]
+    (one,) = find_gap(baseline_model(arm, train), train).findings
+    assert (one.effect, one.joints) == (law, ())
 
 
 def test_a_lead_over_more_than_a_sample_is_no_delay(arm):

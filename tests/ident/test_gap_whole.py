@@ -49,7 +49,7 @@ def record(crane, seed, tilt=(0.0, 0.0)):
     q, dq, ddq = spline(t), spline(t, 1), spline(t, 2)
     down = Rotation.from_euler("xyz", [*tilt, 0.0]).inv().apply([0.0, 0.0, -9.81])
     torque = crane.rigid_body.inverse_dynamics(q, dq, ddq, np.tile(crane.multibody.parameters, (2, 1)), down)
-    torque += np.array([1.5, 0.8]) * np.tanh(dq / 2e-3) + np.array([1.0, 0.5]) * dq
+    torque += planar_arm.friction(dq)
     torque += np.array([0.03, 0.8]) * np.random.default_rng(seed + 50).standard_normal(q.shape)
     return JointLog(t=t, q=q, current=torque, name=f"log{seed}")
 
@@ -98,10 +98,9 @@ def test_all_of_the_current_comes_late_where_that_explains_nearly_as_much(arm):
         return replace(log, current=lfilter(*passes, log.current, axis=0, zi=settled)[0])
 
     train = [filtered(planar_arm.record(arm, seed)) for seed in (1, 2, 3)]
-    late = planar_arm.cause_of_all(arm, train)
-    assert late.effect.name == "delay"
-    told = late.law.effect.summary(arm, late.law.shape, late.law.coefficients)
-    assert told["seconds"] == pytest.approx(told["span"], rel=0.1)
+    (late,) = find_gap(baseline_model(arm, train), train).findings
+    assert (late.effect, late.joints) == ("delay", ())
+    assert late.parameters["seconds"] == pytest.approx(late.parameters["span"], rel=0.1)
 
 
 @pytest.mark.parametrize(("helped", "is_rival"), [([0, 1], True), ([0, 1, 2], False)])
