@@ -151,10 +151,10 @@ class Sigmoid(VelocityEffect):
 
     @classmethod
     def candidates(cls, survey: Survey, joint: int | None) -> list[Effect]:
-        """Try it wider than the smoothing of a sign could be."""
+        """Try it wider than the smoothing of a sign could be, without a shift."""
         if joint is None:
             return []
-        return [cls.seen(survey, joint, SLOWEST_SIGMOID, RISEN * _quicker(survey, joint), True)]
+        return [replace(cls.seen(survey, joint, SLOWEST_SIGMOID, RISEN * _quicker(survey, joint)), symmetric=True)]
 
     def fuller(self, survey: Survey) -> list[Effect]:
         """Return that with a shift."""

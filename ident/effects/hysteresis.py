@@ -112,7 +112,10 @@ class CrossJointHysteresis(Effect):
 
     @property
     def shapes(self) -> tuple[Shape, ...]:
-        """Return the saturation displacement of the other joint and, where both drive it, the share of the own."""
+        """Return the saturation displacement of the other joint and, where both drive it, the share of the own.
+
+        Of both the displacement is at least twice that by which a joint sticks.
+        """
         if self.side:
             return (Shape("slip", "{angle}", 2.0 * LEAST_SLIP, 0.5, (2e-2,)), Shape("own", "1", 0.05, 20.0, (1.0,)))
         return (Shape("slip", "{angle}", LEAST_SLIP, 0.5, (2e-3, 5e-3, 2e-2, 0.1)),)

@@ -27,8 +27,8 @@ BOUND = 0.01
 """Share of a shape parameter's range, or of the bound itself where that is less, that counts as the bound."""
 
 BEHIND = 0.4
-"""Share of what the best law so far explains that another must, after a coarse search, to be searched to the end: what
-is behind then ends behind."""
+"""Share of what the best law so far explains that another must explain after a coarse search to be searched to the end:
+what is behind then ends behind."""
 
 TAIL = 0.2
 """Share of a law's largest force in all rows that those that count must reach for them to tell its size."""

@@ -66,7 +66,7 @@ def alternatives(panel: Panel, gap: JointGap, named: Sequence[Named], one: Named
         found[TWINS[one.effect.name]] = None
     taken = {n.effect.name for n in named}
     for tried in [t for t in one.ranking if t.effect.name != one.effect.name][:RIVALS]:
-        if tried.effect.name in taken:
+        if tried.effect.name in taken or tried.effect.name in found:
             continue
         # Two laws that are one in slow logs fit best where one of them ends: a usual shape of it may do as well.
         rival = best_start(panel, problem, tried.effect, gap.joint) if tried.at_bound else tried
@@ -76,7 +76,7 @@ def alternatives(panel: Panel, gap: JointGap, named: Sequence[Named], one: Named
             continue
         close = gain >= LAW * explained or not _beats(own, left)
         if close and (one.effect.rivals_with(rival.effect) or _repeats(panel, gap, others, rival, before, explained)):
-            found.setdefault(rival.effect.name, rival)
+            found[rival.effect.name] = rival
     return found
 
 
