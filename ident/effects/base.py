@@ -271,6 +271,10 @@ class Effect(ABC):
         """
         return []
 
+    def plainer(self) -> list[Effect]:
+        """Return forms of the law with less in it, tried where a shape parameter ends at its bound."""
+        return []
+
     @property
     def shapes(self) -> tuple[Shape, ...]:
         """Shape parameters, none by default."""

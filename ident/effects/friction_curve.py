@@ -22,6 +22,10 @@ FALLEN, RISEN, GEARED = 0.5, 0.2, 50.0
 """Speeds [rad/s or m/s] by which friction has fallen, or risen, at most, of a joint with that gear ratio or more."""
 
 
+POWERS = 1.0, 2.0
+"""Powers of the speed in the exponent of Stribeck friction of Tustin (1947) and of Armstrong-Helouvry (1990)."""
+
+
 @dataclass(frozen=True)
 class Stribeck(DirectedEffect):
     """Extra friction at low speed that vanishes as a lubricant film builds up (Armstrong-Helouvry et al. 1994).
@@ -52,6 +56,10 @@ class Stribeck(DirectedEffect):
         """Return that with a film that takes its time."""
         return [] if self.lags else [replace(self, lags=True)]
 
+    def plainer(self) -> list[Effect]:
+        """Return those with a given power: slow motion does not tell speed and power apart."""
+        return [] if self.power is not None else [replace(self, power=power) for power in POWERS]
+
     @property
     def remembers(self) -> bool:
         """Whether a film does."""
@@ -61,7 +69,7 @@ class Stribeck(DirectedEffect):
     def shapes(self) -> tuple[Shape, ...]:
         """Return the Stribeck speed, its power if that is searched, and the time constant of a film that lags."""
         speed = Shape("speed", "{angle}/s", 4e-3, self.fastest, _speeds((0.04, 0.01, 0.1), self.fastest))
-        power = Shape("power", "1", 0.4, 2.5, (1.0, 2.0), log=False, ends=(False, False))
+        power = Shape("power", "1", 0.4, 2.5, POWERS, log=False, ends=(False, False))
         lag = Shape("lag", "s", 5e-3, 0.5, (0.05,), ends=(False, False))
         return (speed, *(() if self.power is not None else (power,)), *((lag,) if self.lags else ()))
 

@@ -188,6 +188,16 @@ def best_start(panel: Panel, problem: JointProblem, effect: Effect, joint: int) 
     return best
 
 
+def within_bounds(panel: Panel, problem: JointProblem, trial: Trial, joint: int) -> Trial:
+    """A trial as it is, or at the best usual shape of its law if it ended where that does.
+
+    Two laws that are one in these rows fit best where one of them ends; short of that it may do as well.
+    """
+    if not trial.at_bound:
+        return trial
+    return with_errors(panel, problem, best_start(panel, problem, trial.effect, joint), joint)
+
+
 def best_shape(panel: Panel, problem: JointProblem, trial: Trial, joint: int) -> Trial:
     """A trial's effect at the shape that suits a problem's rows best.
 
@@ -222,6 +232,9 @@ def best_trials(panel: Panel, survey: Survey, gate: Gate, effects: Sequence[Effe
     likely = [k for k, trial in enumerate(found) if laws[k] in further and trial.drop > least]
     plain = [(found[k], screened[k]) for k in likely]
     found += [fuller_trial(panel, gate, e, both, joint) for both in plain for e in both[0].effect.fuller(survey)]
+    ended = [found[k] for k in likely if found[k].at_bound]
+    plainer = [screen(panel, gate, effect, joint) for trial in ended for effect in trial.effect.plainer()]
+    found += [refine(panel, problem, [trial], joint) for trial in plainer]
     return sorted((with_errors(panel, problem, trial, joint) for trial in found), key=_held_out)
 
 

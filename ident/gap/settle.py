@@ -9,7 +9,7 @@ import numpy as np
 from ident.arrays import FloatArray
 from ident.effects import load_catalogue
 from ident.effects.ripple import GEAR_HARMONICS
-from ident.gap.candidates import Trial, admissible, best_start
+from ident.gap.candidates import Trial, admissible, within_bounds
 from ident.gap.experiment import Experiment
 from ident.gap.joint_gap import JointGap, Named, nested_errors
 from ident.gap.panel import Panel
@@ -68,8 +68,7 @@ def alternatives(panel: Panel, gap: JointGap, named: Sequence[Named], one: Named
     for tried in [t for t in one.ranking if t.effect.name != one.effect.name][:RIVALS]:
         if tried.effect.name in taken or tried.effect.name in found:
             continue
-        # Two laws that are one in slow logs fit best where one of them ends: a usual shape of it may do as well.
-        rival = best_start(panel, problem, tried.effect, gap.joint) if tried.at_bound else tried
+        rival = within_bounds(panel, problem, tried, gap.joint)
         left = _held_out(panel, problem, rival, gap.joint)
         gain = before - float(left @ left)
         if gain <= 0.5 * explained:

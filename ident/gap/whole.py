@@ -13,7 +13,7 @@ from ident.effects.base import Effect, Survey
 from ident.gap.abstain import explainable
 from ident.gap.agreement import IN_TIME, Predicted, agrees_at_any_pace
 from ident.gap.belief import CERTAIN
-from ident.gap.candidates import Trial, forms
+from ident.gap.candidates import Trial, forms, within_bounds
 from ident.gap.on_all import TINY, OnAll, Whole, columns_of, likelihoods
 from ident.gap.panel import Panel
 from ident.gap.problem import JointProblem, gain
@@ -149,7 +149,7 @@ class _Judge:
             return []
         (joint,) = helped.tolist()
         search = self.searches[joint]
-        own = [trial for trial in search.trials if trial is search.closest or not trial.at_bound]
+        own = [within_bounds(self.panel, search.problem, trial, joint) for trial in search.trials]
         left = np.array([search.before.total - search.explained(trial) for trial in own])
         found = likelihoods([search.problem] * len(own), np.full(len(own), search.before.total), left)
         return [(trial, gained, explained[joint]) for trial, gained in zip(own, found.tolist(), strict=True)]

@@ -1,17 +1,11 @@
 """Names that logs leave open: laws that are one in slow logs, effects of a joint beside a cause of the whole robot."""
 
-from types import SimpleNamespace
-
 import numpy as np
 import pytest
 from planar_arm import NOISE, RATE, friction
 from scipy.interpolate import CubicSpline
 
-from ident.effects.friction import CoulombAsymmetry, Viscous
-from ident.effects.timing import Delay
 from ident.gap import baseline_model
-from ident.gap.candidates import Trial
-from ident.gap.problem import Errors
 from ident.gap.rows import gap_of, panel_of, survey_of
 from ident.gap.search import search
 from ident.gap.settle import alternatives
@@ -35,32 +29,43 @@ def creep(arm, seed):
     return JointLog(t=t, q=q, current=torque + 0.2 * NOISE * rng.standard_normal(q.shape), name=f"creep{seed}")
 
 
-def test_a_law_that_fits_best_where_it_ends_is_open_if_a_usual_shape_of_it_does_as_well(arm):
+@pytest.fixture(scope="module")
+def crept(arm):
+    """Rows, facts about the logs, and the search of the joint whose friction falls."""
     train = [creep(arm, seed) for seed in (1, 2, 3)]
     model = baseline_model(arm, train)
     panel = panel_of(model, train)
-    found = search(panel, survey_of(model, panel), gap_of(model, panel, 1))
+    survey = survey_of(model, panel)
+    return panel, survey, search(panel, survey, gap_of(model, panel, 1))
+
+
+def trials_of(found, name):
+    return [trial for trial in found.trials if trial.effect.name == name]
+
+
+def test_a_law_whose_shape_slow_logs_do_not_tell_is_sized_with_a_power_that_authors_use(crept):
+    panel, _, found = crept
+    name = found.winner(panel)
+    assert any(trial.at_bound for trial in trials_of(found, "stribeck"))
+    assert (name.effect.name, name.effect.power) == ("stribeck", 2.0)
+    assert name.trial.shape == pytest.approx([0.1], rel=0.2)
+
+
+def test_a_law_that_fits_best_where_it_ends_is_open_if_a_usual_shape_of_it_does_as_well(crept):
+    panel, _, found = crept
     name = found.winner(panel)
     open_names = alternatives(panel, found.gap, [name], name)
-    assert all(trial.at_bound for trial in found.trials if trial.effect.name == "stribeck")
-    assert not open_names["stribeck"].at_bound
+    assert all(trial.at_bound for trial in trials_of(found, "sigmoid"))
+    assert not open_names["sigmoid"].at_bound
 
 
-def test_all_effects_of_the_joint_on_which_alone_a_cause_shows_may_be_its_alternatives():
-    def trial(effect, left, *shape):
-        return Trial(effect, np.array(shape), 0.0, errors=Errors(np.array([left])))
-
-    # The last one ended where its law does; the first would be held against the cause even so.
-    trials = tuple(trial(*one) for one in ((Viscous(0), 1.0), (CoulombAsymmetry(0), 1.1), (Delay(0), 1.2, 0.1)))
-    search = SimpleNamespace(
-        trials=trials,
-        closest=trials[0],
-        before=Errors(np.array([4.0])),
-        problem=np.zeros(100),
-        explained=lambda one: 4.0 - one.errors.total,
-    )
-    judge = _Judge(SimpleNamespace(robot=SimpleNamespace(n=2)), None, [search, search], False, None)
-    own = judge._own(np.array([0]), np.array([70.0, 0.0]))
-    assert [one.effect.name for one, _, _ in own] == ["viscous", "coulomb-asymmetry"]
-    assert [gained for _, gained, _ in own] == pytest.approx([50.0 * np.log(4.0), 50.0 * np.log(4.0 / 1.1)])
+def test_all_effects_of_the_joint_on_which_alone_a_cause_shows_may_be_its_alternatives(crept):
+    panel, survey, found = crept
+    judge = _Judge(panel, survey, [found, found], False, None)
+    own = judge._own(np.array([1]), np.array([0.0, 70.0]))
+    assert [one.effect.name for one, _, _ in own] == [one.effect.name for one in found.trials]
+    assert not any(one.at_bound for one, _, _ in own)
+    best = len(found.problem) / 2 * np.log(found.before.total / found.winner(panel).trial.errors.total)
+    assert [gained for one, gained, _ in own if one is found.winner(panel).trial] == pytest.approx([best])
+    assert {by_cause for _, _, by_cause in own} == {70.0}
     assert judge._own(np.array([0, 1]), np.array([70.0, 70.0])) == []
