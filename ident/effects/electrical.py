@@ -72,7 +72,12 @@ class TorqueSaturation(ToldAtLargest):
     """Iron that saturates: at high current the torque falls short of proportional (Hanselman 2006, ch. 4).
 
     The joint draws more than the model says by a share that grows with a power of the current.
+
+    Attributes:
+        levels: whether the share comes to an end above a knee, where all iron that carries the flux is saturated.
     """
+
+    levels: bool = False
 
     name = "torque-saturation"
     family = "electrical"
@@ -80,24 +85,35 @@ class TorqueSaturation(ToldAtLargest):
     rivals = ("load-friction", "drive-gain")
     excitation = "the highest torques of both signs, at +dq and at -dq"
 
+    def fuller(self, survey: Survey) -> list[Effect]:
+        """Return one whose share comes to an end."""
+        return [] if self.levels else [replace(self, levels=True)]
+
     @property
     def shapes(self) -> tuple[Shape, ...]:
-        """Return the power by which the missing share grows."""
-        return (Shape("power", "1", 0.4, 8.0, (1.0, 2.0, 4.0), ends=(True, False)),)
+        """Return the power by which the missing share grows and, if it comes to an end, the knee."""
+        power = Shape("power", "1", 0.4, 8.0, (1.0, 2.0, 4.0), ends=(True, False))
+        knee = Shape("knee", "1", 0.02, 2.0, (0.3,), ends=(True, False))
+        return (power, knee) if self.levels else (power,)
 
     def coefficients(self, robot: Robot) -> tuple[Coefficient, ...]:
         """Return the excess at the largest force."""
         return (Coefficient("excess", "1", lower=0.0),)
 
     def columns(self, context: Context, shape: FloatArray, memory: FloatArray) -> FloatArray:
-        """Return total (|total| / largest)^power."""
+        """Return total g, g being (|total| / largest)^power; with a knee g (1 + k) / (g + k), k being knee^power."""
         total = context.needed("total", self.name)[:, self.at]
-        return (total * (np.abs(total) / max(self.largest, 1e-12) + 1e-9) ** float(shape[0]))[:, None]
+        grown = (np.abs(total) / max(self.largest, 1e-12) + 1e-9) ** float(shape[0])
+        if self.levels:
+            knee = float(shape[1]) ** float(shape[0])
+            grown *= (1.0 + knee) / (grown + knee)
+        return (total * grown)[:, None]
 
     def summary(self, robot: Robot, shape: FloatArray, coefficients: FloatArray) -> dict[str, float | list[float]]:
-        """Return the share of the torque that is lost at the largest current."""
+        """Return the share of the torque that is lost at the largest current, and where half of what comes is."""
         excess = float(coefficients[0])
-        return {"share": excess / (1.0 + excess), "power": float(shape[0])}
+        told: dict[str, float | list[float]] = {"share": excess / (1.0 + excess), "power": float(shape[0])}
+        return {**told, "knee": float(shape[1])} if self.levels else told
 
 
 @dataclass(frozen=True)

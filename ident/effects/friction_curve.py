@@ -208,8 +208,10 @@ class Sigmoid(VelocityEffect):
 
 
 @dataclass(frozen=True)
-class ViscousNonlinear(DirectedEffect):
+class ViscousNonlinear(VelocityEffect):
     """Friction that grows with a power of speed other than one: shear-thinning grease below, churning above.
+
+    A fluid knows no displacement: it turns with the velocity where dry friction builds up, as in the LuGre model.
 
     Attributes:
         least: smallest exponent.
@@ -248,12 +250,15 @@ class ViscousNonlinear(DirectedEffect):
 
     def columns(self, context: Context, shape: FloatArray, memory: FloatArray) -> FloatArray:
         """Return sign(dq) |dq|^exponent."""
-        return (self.direction(context, memory) * self._speed(context) ** float(shape[0]))[:, None]
+        return (self._sign(context) * self._speed(context) ** float(shape[0]))[:, None]
 
     def gradient(self, context: Context, shape: FloatArray) -> FloatArray:
         """Differentiate the columns by the exponent."""
         speed = self._speed(context)
-        return (self.direction(context, self.start()) * speed ** float(shape[0]) * np.log(speed))[None, :, None]
+        return (self._sign(context) * speed ** float(shape[0]) * np.log(speed))[None, :, None]
+
+    def _sign(self, context: Context) -> FloatArray:
+        return np.tanh(self.velocity(context) / self.smoothing)
 
     def _speed(self, context: Context) -> FloatArray:
         # Away from nought, where the logarithm of the gradient ends.

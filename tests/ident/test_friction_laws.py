@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from ident.effects.base import Context
-from ident.effects.electrical import SensorDrift
+from ident.effects.electrical import SensorDrift, TorqueSaturation
 from ident.effects.friction import Coulomb, LoadFriction, PositionFriction
 from ident.effects.friction_curve import Sigmoid, Stribeck, ViscousNonlinear
 from ident.effects.hysteresis import CrossJointHysteresis, MaxwellSlip
@@ -34,6 +34,33 @@ def test_friction_by_a_load_that_drives_is_apart_from_that_by_one_that_is_driven
     size = np.sign(context.motion.dq[:, 1]) * np.abs(context.load[:, 1])
     np.testing.assert_allclose(driving[fast], np.where(onward, size, 0.0)[fast], atol=1e-9)
     np.testing.assert_allclose(driven[fast], np.where(onward, 0.0, size)[fast], atol=1e-9)
+
+
+def test_a_fluid_turns_with_the_velocity_where_dry_friction_builds_up(context):
+    survey = SimpleNamespace(smoothing=np.full(6, 1e-3), presliding=np.full(6, 2e-3), presliding_exponent=np.ones(6))
+    dq = context.motion.dq[:, 1]
+    for law in ViscousNonlinear.candidates(survey, 1):
+        shape = np.array([law.shapes[0].starts[0]])
+        found = law.columns(context, shape, law.start())[:, 0]
+        np.testing.assert_allclose(found, np.tanh(dq / 1e-3) * np.abs(dq) ** shape, atol=1e-8)
+
+
+def test_a_saturation_without_an_end_is_one_whose_knee_is_far(context):
+    plain, levels = TorqueSaturation(1, 2.0), TorqueSaturation(1, 2.0, levels=True)
+    assert (plain.fuller(None), levels.fuller(None)) == ([levels], [])
+    assert levels.shapes[1].upper == 2.0
+    nothing = np.zeros(0)
+    far, near = (levels.columns(context, np.array([4.0, knee]), nothing)[:, 0] for knee in (100.0, 0.2))
+    np.testing.assert_allclose(far, plain.columns(context, np.array([4.0]), nothing)[:, 0], rtol=1e-6)
+    # Beyond a knee that is near, the share is what it is at the largest force; below it there is none.
+    share = near / context.total[:, 1]
+    force = np.abs(context.total[:, 1]) / 2.0
+    beyond, below = share[force > 0.8], share[force < 0.03]
+    assert min(len(beyond), len(below)) > 5
+    np.testing.assert_allclose(beyond, 1.0, atol=5e-3)
+    np.testing.assert_allclose(below, 0.0, atol=1e-3)
+    told = levels.summary(context.robot, np.array([4.0, 0.2]), np.array([0.25]))
+    assert told == {"share": pytest.approx(0.2), "power": 4.0, "knee": 0.2}
 
 
 def test_a_film_that_lags_is_that_of_the_speed_before(context):
