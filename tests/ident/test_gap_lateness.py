@@ -17,7 +17,7 @@ from ident.gap.lateness import InTime
 from ident.gap.rows import held_of, panel_of
 from ident.log import JointLog
 
-LATE, SECONDS = 0.019, 45.0
+LATE = 0.019
 
 
 def delayed(log):
@@ -30,8 +30,8 @@ def smoothings(model):
 
 
 def test_a_late_current_does_not_blur_the_sign_of_velocity(arm):
-    train = [delayed(record(arm, seed, seconds=SECONDS)) for seed in (1, 2, 3)]
-    test = [delayed(record(arm, 9, seconds=SECONDS))]
+    train = [delayed(record(arm, seed)) for seed in (1, 2, 3)]
+    test = [delayed(record(arm, 9))]
     model = baseline_model(arm, train)
     found = find_gap(model, train, test)
     assert (smoothings(found.model) < 0.8 * smoothings(model)).all()
@@ -66,7 +66,7 @@ def test_how_late_a_current_comes_in_slow_motion():
 @pytest.mark.parametrize("law", ["delay", "filter-lag"])
 def test_a_late_current_is_told_by_what_its_law_allows(arm, law):
     def late(seed):
-        log = record(arm, seed, seconds=SECONDS)
+        log = record(arm, seed)
         pole = np.exp(-2 * np.pi * 15.0 / RATE)
         filtered = lfilter([1 - pole], [1, -pole], log.current, axis=0, zi=pole * log.current[:1])[0]
         shifted = np.stack([np.interp(log.t - 0.01, log.t, x) for x in log.current.T], axis=1)
@@ -90,7 +90,7 @@ def test_a_lead_over_more_than_a_sample_is_no_delay(arm):
 
 def test_a_delay_that_shows_on_one_joint_most_is_borne_out_by_the_others(arm):
     def late(seed):
-        log = record(arm, seed, seconds=SECONDS)
+        log = record(arm, seed)
         late = np.stack([np.interp(log.t - 0.004, log.t, x) for x in log.current.T], axis=1)
         late[:, 0] += 0.5 * np.random.default_rng(seed).standard_normal(len(log.t))
         return log.replace(current=late)

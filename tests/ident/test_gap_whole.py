@@ -97,7 +97,7 @@ def test_all_of_the_current_comes_late_where_that_explains_nearly_as_much(arm):
         settled = lfilter_zi(*passes)[:, None] * log.current[0]
         return replace(log, current=lfilter(*passes, log.current, axis=0, zi=settled)[0])
 
-    train = [filtered(planar_arm.record(arm, seed, seconds=45.0)) for seed in (1, 2, 3)]
+    train = [filtered(planar_arm.record(arm, seed)) for seed in (1, 2, 3)]
     (late,) = find_gap(baseline_model(arm, train), train).findings
     assert (late.effect, late.joints) == ("delay", ())
     assert late.parameters["seconds"] == pytest.approx(late.parameters["span"], rel=0.1)
