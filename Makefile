@@ -4,12 +4,13 @@ PYTHON ?= $(shell for python in python3.13 python3.12 python3.11 python3; do \
 	"$$python" -c 'import sys; sys.exit(sys.version_info < (3, 11))' 2>/dev/null && echo "$$python" && break; done)
 VENV := .venv
 BIN := $(VENV)/bin
+# Modules are compiled as they are first imported, which few of the libraries' are: by pip it takes a minute.
 PIP_INSTALL := $(BIN)/python -m pip install --quiet --disable-pip-version-check --no-compile -c constraints.txt
-# By all cores, as pip does by one; not the libraries' own tests. Templates among their files are no Python.
-COMPILE := $(BIN)/python -m compileall -qq -j 0 -x '/tests?/' $(VENV)/lib || true
 # Parallel tests share the cores among processes; a pool of threads in each would only fight for them.
 TEST_PROCESSES ?= 2
 SINGLE_THREADED := OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 MKL_NUM_THREADS=1 NUMBA_NUM_THREADS=1
+
+export PYTHONDONTWRITEBYTECODE :=
 
 .PHONY: demo test check docs bench bench-gap setup clean
 
@@ -50,15 +51,12 @@ $(BIN)/python:
 
 $(VENV)/.installed: pyproject.toml constraints.txt | $(BIN)/python
 	$(PIP_INSTALL) -e ".[learned,test,check]"
-	@$(COMPILE)
 	@touch $@
 
 $(VENV)/.bench: $(VENV)/.installed
 	$(PIP_INSTALL) -e ".[bench,cluster]"
-	@$(COMPILE)
 	@touch $@
 
 $(VENV)/.docs: $(VENV)/.installed
 	$(PIP_INSTALL) -e ".[docs]"
-	@$(COMPILE)
 	@touch $@
