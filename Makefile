@@ -4,12 +4,12 @@ PYTHON ?= $(shell for python in python3.13 python3.12 python3.11 python3; do \
 	"$$python" -c 'import sys; sys.exit(sys.version_info < (3, 11))' 2>/dev/null && echo "$$python" && break; done)
 VENV := .venv
 BIN := $(VENV)/bin
-# Modules are compiled as they are first imported, which few of the libraries' are: by pip it takes a minute.
 PIP_INSTALL := $(BIN)/python -m pip install --quiet --disable-pip-version-check --no-compile -c constraints.txt
 # Parallel tests share the cores among processes; a pool of threads in each would only fight for them.
 TEST_PROCESSES ?= 2
 SINGLE_THREADED := OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 MKL_NUM_THREADS=1 NUMBA_NUM_THREADS=1
 
+# By pip it takes a minute to compile all modules, of which few are imported: each is compiled, and kept, when it is.
 export PYTHONDONTWRITEBYTECODE :=
 
 .PHONY: demo test check docs bench bench-gap setup clean

@@ -43,6 +43,10 @@ class VelocityEffect(Effect):
         """Return the velocity (N,) of the joint's motor."""
         return context.motors.dq[:, self.at]
 
+    def sign(self, context: Context) -> FloatArray:
+        """Return the sign of velocity (N,), which turns over the smoothing, from -1 to 1."""
+        return np.tanh(self.velocity(context) / self.smoothing)
+
 
 @dataclass(frozen=True)
 class DirectedEffect(VelocityEffect):
@@ -91,7 +95,7 @@ class DirectedEffect(VelocityEffect):
             position = np.ascontiguousarray(context.motors.q[:, self.at])
             built: FloatArray = build_up(position, self.presliding, self.presliding_exponent, memory)
             return built
-        return np.tanh(self.velocity(context) / self.smoothing)
+        return self.sign(context)
 
 
 @compiled

@@ -250,15 +250,12 @@ class ViscousNonlinear(VelocityEffect):
 
     def columns(self, context: Context, shape: FloatArray, memory: FloatArray) -> FloatArray:
         """Return sign(dq) |dq|^exponent."""
-        return (self._sign(context) * self._speed(context) ** float(shape[0]))[:, None]
+        return (self.sign(context) * self._speed(context) ** float(shape[0]))[:, None]
 
     def gradient(self, context: Context, shape: FloatArray) -> FloatArray:
         """Differentiate the columns by the exponent."""
         speed = self._speed(context)
-        return (self._sign(context) * speed ** float(shape[0]) * np.log(speed))[None, :, None]
-
-    def _sign(self, context: Context) -> FloatArray:
-        return np.tanh(self.velocity(context) / self.smoothing)
+        return (self.sign(context) * speed ** float(shape[0]) * np.log(speed))[None, :, None]
 
     def _speed(self, context: Context) -> FloatArray:
         # Away from nought, where the logarithm of the gradient ends.

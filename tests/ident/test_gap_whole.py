@@ -89,7 +89,6 @@ def test_a_spring_that_shows_on_one_joint_must_be_worth_its_choice_among_all_joi
     assert _stands_alone(spring, balancer, likelihoods, singles, 3) is stands
 
 
-@pytest.mark.slow
 def test_all_of_the_current_comes_late_where_that_explains_nearly_as_much(arm):
     # A filter of second order, as the catalogue has none: a longer delay of less of the current is a little nearer.
     passes = butter(2, 12.0, fs=100.0)
