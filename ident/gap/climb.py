@@ -5,12 +5,15 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 
 import numpy as np
-from scipy.optimize import minimize
+from scipy.optimize import minimize, minimize_scalar
 
 from ident.arrays import FloatArray
 from ident.effects.base import Shape
 
 GOLDEN = 0.381966
+
+NOWHERE = -1e30
+"""In place of a value of minus infinity, through which no parabola goes."""
 
 COARSE, STEPS = 6, 12
 """Steps of a golden section that tells which of several starts, or parameters, leads where; and of one that is kept."""
@@ -56,7 +59,7 @@ def _along_each(
 
     for number, parameter in enumerate(shapes):
         low, high = _bracket(parameter, shape[number])
-        x, found = _golden(lambda x, number=number: along(number, x), low, high, steps)  # type: ignore[misc]
+        x, found = _section(lambda x, number=number: along(number, x), low, high, steps)  # type: ignore[misc]
         if found > best:
             shape[number], best = parameter.value(x), found
     return shape, best
@@ -99,18 +102,13 @@ def _bracket(parameter: Shape, value: float) -> tuple[float, float]:
     return parameter.place(float(low)), parameter.place(float(high))
 
 
-def _golden(value: Callable[[float], float], low: float, high: float, steps: int) -> tuple[float, float]:
-    """Golden-section search for a maximum."""
-    a, b = low, high
-    x, y = a + GOLDEN * (b - a), b - GOLDEN * (b - a)
-    fx, fy = value(x), value(y)
-    for _ in range(steps):
-        if fx > fy:
-            b, y, fy = y, x, fx
-            x = a + GOLDEN * (b - a)
-            fx = value(x)
-        else:
-            a, x, fx = x, y, fy
-            y = b - GOLDEN * (b - a)
-            fy = value(y)
-    return (x, fx) if fx > fy else (y, fy)
+def _section(value: Callable[[float], float], low: float, high: float, steps: int) -> tuple[float, float]:
+    """Search a maximum by parabolas and golden sections (Brent 1973), as narrowly as so many golden sections would."""
+    narrow = (1.0 - GOLDEN) ** steps * (high - low)
+    found = minimize_scalar(
+        lambda x: -max(value(x), NOWHERE),
+        bounds=(low, high),
+        method="bounded",
+        options={"xatol": narrow, "maxiter": steps + 2},
+    )
+    return float(found.x), -float(found.fun)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from functools import cached_property
 
 import numpy as np
 
@@ -93,16 +92,15 @@ class OnAll:
         likelihood = float(likelihoods(problems, self.before.sum(axis=1), found[1].sum(axis=1)).sum())
         return Whole(effect, shape, *found, likelihood, likelihood)
 
-    @cached_property
     def begun(self) -> Whole | None:
         """The effect at the best of its starts; what one joint has shows in its own row first."""
         return self._best([one.shape for one in self._shown()] if self._is_ones else list(grid(self.effect.shapes)))
 
-    def searched(self) -> Whole | None:
-        """The effect at the shape that suits all rows best."""
+    def searched(self, begun: Whole | None) -> Whole | None:
+        """The effect, which had so begun, at the shape that suits all rows best."""
         effect = self.effect
         starts = self._refined() if self._is_ones else list(grid(effect.shapes))
-        begun = self._best(starts) if self._is_ones else self.begun
+        begun = self._best(starts) if self._is_ones else begun
         if begun is None or (self._is_ones and begun.likelihood < self.least):
             return None
         best = self._climbed(begun)

@@ -65,20 +65,21 @@ def whole_effect(
     tried = forms(survey, None, present)
     candidates = [OnAll(panel, searches, effect, judge.before, judge.least(effect)) for effect in tried]
     for some in _by_promise(candidates):
-        found = judge.first(_ranked([w for w in in_threads(lambda one: one.searched(), some) if w is not None]))
+        searched = in_threads(lambda pair: pair[0].searched(pair[1]), some)
+        found = judge.first(_ranked([whole for whole in searched if whole is not None]))
         if found is not None:
             return found
     return None
 
 
-def _by_promise(candidates: Sequence[OnAll]) -> Iterator[list[OnAll]]:
-    """Yield the candidates worth a search, which most of the time is spent on, then the others, if there are any."""
-    begun = in_threads(lambda one: one.begun, candidates)
+def _by_promise(candidates: Sequence[OnAll]) -> Iterator[list[tuple[OnAll, Whole | None]]]:
+    """Yield the candidates worth a search, which most of the time is spent on, then the others; as each had begun."""
+    begun = in_threads(lambda one: one.begun(), candidates)
     explained = np.array([-np.inf if one is None else one.likelihood for one in begun])
     near = explained >= PROMISE * explained.max(initial=0.0)
     for some in (near, ~near):
         if some.any():
-            yield [candidates[k] for k in np.flatnonzero(some).tolist()]
+            yield [(candidates[k], begun[k]) for k in np.flatnonzero(some).tolist()]
 
 
 @dataclass(frozen=True, eq=False)
