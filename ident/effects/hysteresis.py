@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -195,7 +196,7 @@ class Backlash(Effect):
         """All rows, or the joint's own."""
         return None if self.everywhere else self.joint
 
-    @property
+    @cached_property
     def shapes(self) -> tuple[Shape, ...]:
         """Return the gap and, of a link that flies, its ringing on a flank and what of the joint is its, or is not."""
         if not self.flies:

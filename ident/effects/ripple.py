@@ -163,7 +163,8 @@ class GearRipple(Effect):
     def _waves(self, wave: npt.NDArray[np.complex128]) -> FloatArray:
         """Sine and cosine (N, k) of each harmonic, as powers of the first (N,)."""
         powers = itertools.accumulate([wave] * self.harmonics, np.multiply)
-        return np.stack([part for power in powers for part in (power.imag, power.real)], axis=1)
+        # Column by column in memory: hundreds are tried, each a whole.
+        return np.array([part for power in powers for part in (power.imag, power.real)]).T
 
     def _full(self, context: Context, waves: FloatArray, shape: FloatArray) -> FloatArray:
         """Waves (N, k) as far as the joint turns and, where they grow with the load, times its size, too (N, 2 k)."""

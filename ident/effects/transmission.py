@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -194,7 +195,7 @@ class Elasticity(ToldAtLargest):
         """All rows, or the joint's own."""
         return None if self.everywhere else self.joint
 
-    @property
+    @cached_property
     def shapes(self) -> tuple[Shape, ...]:
         """Return the wind-up at the largest force, of a spring that rings as if at rest, and what its link does."""
         if self.rings:

@@ -93,15 +93,9 @@ def grid(shapes: Sequence[Shape]) -> Iterator[FloatArray]:
         yield np.array(values, dtype=float)
 
 
-def usable(
-    panel: Panel, problem: JointProblem, effect: Effect, columns: FloatArray, among: BoolArray | None = None
-) -> BoolArray:
-    """Which of an effect's columns (N, k) in a problem's rows, or of some, keep coefficients to their bounds."""
-    used = np.ones(columns.shape[1], dtype=bool) if among is None else among.copy()
-    lower = np.array([c.lower for c in effect.coefficients(panel.robot)])
-    if np.isfinite(lower).any():
-        used[used] = problem.beyond(columns[:, used]).admissible(lower[used])
-    return used
+def usable(panel: Panel, problem: JointProblem, effect: Effect, columns: FloatArray) -> BoolArray:
+    """Which of an effect's columns (N, k) in a problem's rows keep coefficients to their bounds."""
+    return _within(problem, columns, _lower(panel, effect))
 
 
 def admissible(panel: Panel, problem: JointProblem, effect: Effect, shape: FloatArray, joint: int) -> FloatArray:
@@ -113,12 +107,44 @@ def sweep(
     panel: Panel, problem: JointProblem, effect: Effect, shapes: Sequence[FloatArray], joint: int
 ) -> Iterator[FloatArray]:
     """Yield the admissible columns (N, k) of an effect at each of several shapes: none of which only a tail shows."""
+    for columns, lower in _shown(panel, problem, effect, shapes, joint):
+        used = _within(problem, columns, lower)
+        yield columns if used.all() else columns[:, used]
+
+
+def drops(
+    panel: Panel, problem: JointProblem, effect: Effect, shapes: Sequence[FloatArray], joint: int
+) -> Iterator[float]:
+    """Yield the fall of the squared residual by the same columns."""
+    for columns, lower in _shown(panel, problem, effect, shapes, joint):
+        beyond = problem.beyond(columns)
+        yield beyond.among(beyond.admissible(lower)).drop
+
+
+def _shown(
+    panel: Panel, problem: JointProblem, effect: Effect, shapes: Sequence[FloatArray], joint: int
+) -> Iterator[tuple[FloatArray, FloatArray]]:
+    """Yield the columns (N, k) of an effect that a problem's rows show more of than a tail, and lower bounds (k,)."""
+    lower = _lower(panel, effect)
     for everywhere in panel.sweep(effect, shapes, joint):
         columns = problem.of(everywhere)
-        told = bool(effect.shapes) and columns is not everywhere
-        shown = largest(columns) >= TAIL * largest(problem.left_out_of(everywhere)) if told else None
-        used = usable(panel, problem, effect, columns, shown)
-        yield columns if used.all() else columns[:, used]
+        if not effect.shapes or columns is everywhere:
+            yield columns, lower
+            continue
+        shown = largest(columns) >= TAIL * largest(problem.left_out_of(everywhere))
+        yield (columns, lower) if shown.all() else (columns[:, shown], lower[shown])
+
+
+def _within(problem: JointProblem, columns: FloatArray, lower: FloatArray) -> BoolArray:
+    """Which of columns (N, k) keep their coefficients to lower bounds (k,)."""
+    if not np.isfinite(lower).any():
+        return np.ones(len(lower), dtype=bool)
+    return problem.beyond(columns).admissible(lower)
+
+
+def _lower(panel: Panel, effect: Effect) -> FloatArray:
+    """Lower bounds (k,) of an effect's coefficients."""
+    return np.array([c.lower for c in effect.coefficients(panel.robot)])
 
 
 def largest(columns: FloatArray) -> FloatArray:
@@ -157,10 +183,10 @@ def screen(panel: Panel, gate: Gate, effect: Effect, joint: int) -> Trial:
         tried = list(sweep(panel, gate.problem, effect, some, joint))
         for k in {columns.shape[1] for columns in tried}:
             same = [i for i, columns in enumerate(tried) if columns.shape[1] == k]
-            drops, statistics = gate.look([tried[i] for i in same])
-            top = int(np.argmax(drops))
-            if best is None or drops[top] > best.drop:
-                best = Trial(effect, some[same[top]], float(drops[top]), float(statistics[top]))
+            falls, statistics = gate.look([tried[i] for i in same])
+            top = int(np.argmax(falls))
+            if best is None or falls[top] > best.drop:
+                best = Trial(effect, some[same[top]], float(falls[top]), float(statistics[top]))
     assert best is not None
     return best
 
@@ -170,7 +196,7 @@ def refine(panel: Panel, problem: JointProblem, starts: Sequence[Trial], joint: 
     first = starts[0]
 
     def drop(shape: FloatArray) -> float:
-        return problem.drop(admissible(panel, problem, first.effect, shape, joint))
+        return next(drops(panel, problem, first.effect, [shape], joint))
 
     shape, best = climb(drop, first.effect.shapes, [(one.shape, one.drop) for one in starts], least)
     return replace(first, shape=shape, drop=best)
@@ -180,8 +206,7 @@ def best_start(panel: Panel, problem: JointProblem, effect: Effect, joint: int) 
     """An effect at that of its starting shapes that suits a problem's rows best."""
     best: Trial | None = None
     shapes = list(grid(effect.shapes))
-    for shape, columns in zip(shapes, sweep(panel, problem, effect, shapes, joint), strict=True):
-        drop = problem.drop(columns)
+    for shape, drop in zip(shapes, drops(panel, problem, effect, shapes, joint), strict=True):
         if best is None or drop > best.drop:
             best = Trial(effect, shape, drop)
     assert best is not None
@@ -206,8 +231,7 @@ def best_shape(panel: Panel, problem: JointProblem, trial: Trial, joint: int) ->
     effect = trial.effect
     starts = [best_start(panel, problem, effect, joint)]
     if len(effect.shapes) > 1:
-        drop = problem.drop(admissible(panel, problem, effect, trial.shape, joint))
-        starts.append(replace(trial, drop=drop))
+        starts.append(replace(trial, drop=next(drops(panel, problem, effect, [trial.shape], joint))))
     return refine(panel, problem, starts, joint)
 
 
@@ -247,8 +271,8 @@ def fuller_trial(panel: Panel, gate: Gate, effect: Effect, plain: Sequence[Trial
     starts = []
     for shape in (np.append(trial.shape, more) for trial in plain):
         # Of some shapes fewer columns show.
-        drops, statistics = gate.look([admissible(panel, gate.problem, effect, shape, joint)])
-        starts.append(Trial(effect, shape, float(drops[0]), float(statistics[0])))
+        falls, statistics = gate.look([admissible(panel, gate.problem, effect, shape, joint)])
+        starts.append(Trial(effect, shape, float(falls[0]), float(statistics[0])))
     return refine(panel, gate.problem, starts, joint)
 
 

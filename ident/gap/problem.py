@@ -87,7 +87,7 @@ class Beyond:
 
     def among(self, used: BoolArray) -> Beyond:
         """The same of some of the columns (k,)."""
-        return Beyond(self.gram[np.ix_(used, used)], self.product[used], self.size[used])
+        return self if used.all() else Beyond(self.gram[np.ix_(used, used)], self.product[used], self.size[used])
 
     def admissible(self, lower: FloatArray) -> BoolArray:
         """Which (k,) of the columns have coefficients that keep to their lower bounds (k,), fitted without the rest."""
