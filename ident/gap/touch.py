@@ -39,6 +39,10 @@ STILL = 3.0
 """A joint slower than this many times the speed over which its sign of velocity turns may stand: its dry friction then
 takes up whatever is smaller than itself, and that is no touch unless another joint shows it."""
 
+SETTLED, STIRS = 1e-2, 1e-3
+"""Displacements from where a log begins over which a joint's friction remembers what came before it, which no log
+tells, and which a joint that is held and pushed does not give way by."""
+
 RAREST = 0.25
 """Touches fill at most this share of the time, and half of the motion; what is there more often is no touch."""
 
@@ -127,7 +131,9 @@ def find_touches(panel: Panel, survey: Survey, residuals: FloatArray, named: Flo
     position = panel.motion.q
     for j, a, b in list(_pieces(touched, edges)):
         free = (residuals[:, j] != 0.0) & ~still[:, j]
-        if _comes_back(position[:, j], residuals[:, j], free, edges, a, b):
+        if _begins(position[:, j], edges, a, b, margin) or _comes_back(
+            position[:, j], residuals[:, j], free, edges, a, b
+        ):
             touched[a:b, j] = False
     for j, a, b in _ringing(np.abs(averaged) > 0.5 * least, averaged, edges, margin):
         touched[a:b, j] = False
@@ -172,6 +178,22 @@ def _pieces(marked: BoolArray, edges: IntArray) -> Iterator[tuple[int, int, int]
         for first, end in itertools.pairwise(edges.tolist()):
             for (rows,) in find_objects(label(marked[first:end, j])[0]):
                 yield j, first + rows.start, first + rows.stop
+
+
+def _begins(position: FloatArray, edges: IntArray, first: int, end: int, margin: int) -> bool:
+    """Whether a joint, at positions (N,), sets out between two rows from where a log begins, or stood there from then.
+
+    Args:
+        position: the joint's.
+        edges: rows with which blocks begin and end.
+        first: the first of the rows.
+        end: the end of them.
+        margin: rows around them in which it may set out.
+    """
+    block = int(np.searchsorted(edges, first, side="right")) - 1
+    start, stop = int(edges[block]), int(edges[block + 1])
+    gone = np.abs(position[start : min(end + margin, stop)] - position[start])
+    return bool(gone[: end - start].max() < SETTLED and (first - start <= margin or gone.max() > STIRS))
 
 
 def _comes_back(

@@ -1,5 +1,6 @@
 """Touches: found where the model suits and where it bent to them, told from what repeats, rings or jumps."""
 
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -11,7 +12,7 @@ from ident.gap.panel import Panel
 from ident.gap.report import ITS_SIZE, Unexplained
 from ident.gap.reporter import _clear
 from ident.gap.rows import panel_of
-from ident.gap.touch import Touches, _pieces, find_touches
+from ident.gap.touch import SHORTEST, Touches, _pieces, find_touches
 
 
 def test_contact_is_cut_out_also_where_links_had_bent_to_it(arm):
@@ -107,6 +108,22 @@ def test_what_stands_out_no_more_than_the_rest_is_no_touch(arm):
         bursts = 1.0 * (np.abs(rows - 2000) < 20) + shorter * (np.abs(rows[:, None] - rows[500::900]) < 2).any(axis=1)
         found = find_touches(panel, survey, noise + bursts[:, None] * np.array([0.0, 1.0]), nothing)
         assert found.episodes == episodes
+
+
+def test_what_friction_remembers_as_a_log_begins_is_no_touch(arm):
+    # How the joints came to where the log finds them bends their friction until they have gone some milliradians.
+    log, rng = record(arm, 1), np.random.default_rng(0)
+    model = baseline_model(arm, [log])
+    setting_out = np.minimum(log.t / 3.0, 1.0)[:, None] ** 3
+    panel = panel_of(model, [replace(log, q=log.q[0] + setting_out * (log.q - log.q[0]))])
+    survey = SimpleNamespace(smoothing=np.full(2, 2e-3), holds=np.full(2, 0.02))
+    nothing, noise = np.zeros((len(panel), 2)), 0.01 * rng.standard_normal((len(panel), 2))
+    begins = int(np.argmax(np.abs(panel.motion.q - panel.motion.q[0]).max(axis=1) > 4e-3))
+    assert begins * panel.step > SHORTEST
+    for first, rows, episodes in ((0, begins, 0), (5, begins - 5, 0), (2000, begins, 1), (0, 5 * begins, 1)):
+        burst = np.zeros((len(panel), 1))
+        burst[first : first + rows] = 1.0
+        assert find_touches(panel, survey, noise + burst, nothing).episodes == episodes
 
 
 def test_faint_touches_do_not_hide_those_of_several_joints(arm):
