@@ -140,7 +140,8 @@ class RigidBody:
         shape = np.shape(arrays[0])
         if len(shape) not in (1, 2) or shape[-1] != self.n or any(np.shape(x) != shape for x in arrays):
             raise ValueError(f"motion of shapes {[np.shape(x) for x in arrays]}, expected (N, {self.n}) or ({self.n},)")
-        return [np.ascontiguousarray(x, dtype=np.float64).reshape(-1, self.n) for x in arrays]
+        # Logs' arrays cannot be written to: for such every kernel would be compiled once more, which takes seconds.
+        return [np.require(x, np.float64, ["C", "W"]).reshape(-1, self.n) for x in arrays]
 
     def _gravity(self, gravity: FloatArray | None) -> FloatArray:
         if gravity is None:
@@ -154,7 +155,7 @@ class RigidBody:
             raise ValueError(f"parameters of shape {parameters.shape}, expected (10 n,) or (n, 10 n) with n = {self.n}")
         if parameters.ndim == 1:
             parameters = np.broadcast_to(parameters, (self.n, 10 * self.n))
-        return np.ascontiguousarray(parameters, dtype=np.float64)
+        return np.require(parameters, np.float64, ["C", "W"])
 
 
 def _supports(tree: Tree) -> BoolArray:
