@@ -120,7 +120,8 @@ class Context:
     @cached_property
     def inertia(self) -> FloatArray:
         """Inertia matrix (N, n, n) of the links as motors feel it, row j by those that row j uses; computed once."""
-        return self.robot.rigid_body.mass_matrix(self.motion.q, self.needed("links", "inertia"))
+        # Each element's samples side by side: effects look at one joint's.
+        return np.asfortranarray(self.robot.rigid_body.mass_matrix(self.motion.q, self.needed("links", "inertia")))
 
     def slope(self, joint: int) -> FloatArray:
         """Return by how much the links' force (N, n) grows with a motor's angle; computed once a joint."""
@@ -130,7 +131,7 @@ class Context:
             for side in (0.5 * SLOPE, -0.5 * SLOPE):
                 moved = motion.q + side * self.moved_by(joint)
                 sides.append(self.robot.rigid_body.inverse_dynamics(moved, motion.dq, motion.ddq, links))
-            self._slopes[joint] = (sides[0] - sides[1]) / SLOPE
+            self._slopes[joint] = np.asfortranarray(sides[0] - sides[1]) / SLOPE
         return self._slopes[joint]
 
     def moved_by(self, joint: int) -> FloatArray:
