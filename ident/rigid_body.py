@@ -140,8 +140,7 @@ class RigidBody:
         shape = np.shape(arrays[0])
         if len(shape) not in (1, 2) or shape[-1] != self.n or any(np.shape(x) != shape for x in arrays):
             raise ValueError(f"motion of shapes {[np.shape(x) for x in arrays]}, expected (N, {self.n}) or ({self.n},)")
-        # Logs' arrays cannot be written to: for such every kernel would be compiled once more, which takes seconds.
-        return [np.require(x, np.float64, ["C", "W"]).reshape(-1, self.n) for x in arrays]
+        return [_for_kernels(x).reshape(-1, self.n) for x in arrays]
 
     def _gravity(self, gravity: FloatArray | None) -> FloatArray:
         if gravity is None:
@@ -155,7 +154,17 @@ class RigidBody:
             raise ValueError(f"parameters of shape {parameters.shape}, expected (10 n,) or (n, 10 n) with n = {self.n}")
         if parameters.ndim == 1:
             parameters = np.broadcast_to(parameters, (self.n, 10 * self.n))
-        return np.require(parameters, np.float64, ["C", "W"])
+        return _for_kernels(parameters)
+
+
+def _for_kernels(values: FloatArray) -> FloatArray:
+    """Numbers in one piece of memory that could be written to, as those of logs cannot.
+
+    For such every kernel would be compiled once more, which takes seconds.
+    """
+    # np.require does as much in ten times the time, and observers come by here at every sample.
+    found = np.ascontiguousarray(values, dtype=np.float64)
+    return found if found.flags.writeable else found.copy()
 
 
 def _supports(tree: Tree) -> BoolArray:

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 from ident.effects.base import Survey
-from ident.gap.candidates import Trial, kind_of, refine, with_errors
+from ident.gap.candidates import Trial, in_rows, kind_of, refine, with_errors
 from ident.gap.joint_gap import JointGap, Named
 from ident.gap.panel import Panel
 from ident.gap.problem import gain
@@ -84,8 +84,7 @@ def _could_replace(panel: Panel, beside: Beside, old: Named, trial: Trial) -> bo
 
 
 def _again(panel: Panel, beside: Beside, trial: Trial) -> Trial:
-    now = replace(trial, drop=beside.problem.drop(beside.columns(panel, trial)))
-    return refine(panel, beside.problem, [now], beside.joint)
+    return refine(panel, beside.problem, [in_rows(panel, beside.problem, trial, beside.joint)], beside.joint)
 
 
 def _pruned(panel: Panel, gap: JointGap, named: list[Named]) -> list[Named]:

@@ -95,7 +95,7 @@ def grid(shapes: Sequence[Shape]) -> Iterator[FloatArray]:
 
 def usable(panel: Panel, problem: JointProblem, effect: Effect, columns: FloatArray) -> BoolArray:
     """Which of an effect's columns (N, k) in a problem's rows keep coefficients to their bounds."""
-    return _within(problem, columns, _lower(panel, effect))
+    return _within(problem, columns, lower_bounds(panel, effect))
 
 
 def admissible(panel: Panel, problem: JointProblem, effect: Effect, shape: FloatArray, joint: int) -> FloatArray:
@@ -125,7 +125,7 @@ def _shown(
     panel: Panel, problem: JointProblem, effect: Effect, shapes: Sequence[FloatArray], joint: int
 ) -> Iterator[tuple[FloatArray, FloatArray]]:
     """Yield the columns (N, k) of an effect that a problem's rows show more of than a tail, and lower bounds (k,)."""
-    lower = _lower(panel, effect)
+    lower = lower_bounds(panel, effect)
     for everywhere in panel.sweep(effect, shapes, joint):
         columns = problem.of(everywhere)
         if not effect.shapes or columns is everywhere:
@@ -142,7 +142,7 @@ def _within(problem: JointProblem, columns: FloatArray, lower: FloatArray) -> Bo
     return problem.beyond(columns).admissible(lower)
 
 
-def _lower(panel: Panel, effect: Effect) -> FloatArray:
+def lower_bounds(panel: Panel, effect: Effect) -> FloatArray:
     """Lower bounds (k,) of an effect's coefficients."""
     return np.array([c.lower for c in effect.coefficients(panel.robot)])
 
@@ -231,8 +231,13 @@ def best_shape(panel: Panel, problem: JointProblem, trial: Trial, joint: int) ->
     effect = trial.effect
     starts = [best_start(panel, problem, effect, joint)]
     if len(effect.shapes) > 1:
-        starts.append(replace(trial, drop=next(drops(panel, problem, effect, [trial.shape], joint))))
+        starts.append(in_rows(panel, problem, trial, joint))
     return refine(panel, problem, starts, joint)
+
+
+def in_rows(panel: Panel, problem: JointProblem, trial: Trial, joint: int) -> Trial:
+    """A trial, at its shape, with what it explains of a problem's rows."""
+    return replace(trial, drop=next(drops(panel, problem, trial.effect, [trial.shape], joint)))
 
 
 def with_errors(panel: Panel, problem: JointProblem, trial: Trial, joint: int) -> Trial:

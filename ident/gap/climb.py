@@ -10,13 +10,15 @@ from scipy.optimize import minimize, minimize_scalar
 from ident.arrays import FloatArray
 from ident.effects.base import Shape
 
-GOLDEN = 0.381966
+GOLDEN = 0.618034
+"""Share of its range that a step of a golden section leaves."""
 
 NOWHERE = -1e30
 """In place of a value of minus infinity, through which no parabola goes."""
 
 COARSE, STEPS = 6, 12
-"""Steps of a golden section that tells which of several starts, or parameters, leads where; and of one that is kept."""
+"""Steps of a golden section as narrow as a search that tells which of several starts, or parameters, leads where; and
+as one that is kept."""
 
 LOOKS, SETTLED = 40, 1e-5
 """Values that a simplex looks at for each parameter, and share of the largest by which its corners may differ."""
@@ -33,7 +35,7 @@ def climb(
 ) -> tuple[FloatArray, float]:
     """Search shapes (k,) for the largest value around starts, each with its own; return both.
 
-    Golden sections along one parameter after the other, as far as the neighbouring starts. Several, which may be bound
+    Sections along one parameter after the other, as far as the neighbouring starts. Several, which may be bound
     to one another, are searched so once more from the best, and then moved together by a simplex (Nelder and Mead
     1965), unless the first sections lead to less than ``least``.
     """
@@ -104,7 +106,7 @@ def _bracket(parameter: Shape, value: float) -> tuple[float, float]:
 
 def _section(value: Callable[[float], float], low: float, high: float, steps: int) -> tuple[float, float]:
     """Search a maximum by parabolas and golden sections (Brent 1973), as narrowly as so many golden sections would."""
-    narrow = (1.0 - GOLDEN) ** steps * (high - low)
+    narrow = GOLDEN**steps * (high - low)
     found = minimize_scalar(
         lambda x: -max(value(x), NOWHERE),
         bounds=(low, high),

@@ -13,7 +13,7 @@ import numpy as np
 
 from ident.arrays import FloatArray
 from ident.cutoff import HIGHEST_SHARE
-from ident.gap.candidates import Trial, admissible, force_of, refine
+from ident.gap.candidates import Trial, admissible, force_of, in_rows, refine
 from ident.gap.joint_gap import JointGap
 from ident.gap.panel import Panel
 from ident.log import JointLog
@@ -128,11 +128,9 @@ def _unfollowed(truth: Trial, rival: Trial, besides: Sequence[Trial], joined: Jo
     """Compare with a rival that is fitted to all rows of what the truth says."""
     panel, gap = joined.panel, joined.gap
     problem = replace(gap, target=_said(truth, besides, joined)).problem(panel, besides)
-    columns = admissible(panel, problem, rival.effect, rival.shape, gap.joint)
-    now = replace(rival, drop=problem.drop(columns))
     if refined and rival.effect.shapes:
-        now = refine(panel, problem, [now], gap.joint)
-        columns = admissible(panel, problem, rival.effect, now.shape, gap.joint)
+        rival = refine(panel, problem, [in_rows(panel, problem, rival, gap.joint)], gap.joint)
+    columns = admissible(panel, problem, rival.effect, rival.shape, gap.joint)
     left = problem.left(columns)
     explained = float(problem.residual @ problem.residual)
     there = problem.keep >= len(panel) - joined.added

@@ -9,7 +9,7 @@ import numpy as np
 
 from ident.arrays import FloatArray
 from ident.effects.base import Effect
-from ident.gap.candidates import Trial, at_bound, grid, refine
+from ident.gap.candidates import Trial, at_bound, grid, lower_bounds, refine
 from ident.gap.climb import climb, together
 from ident.gap.panel import Panel
 from ident.gap.problem import JointProblem
@@ -81,7 +81,7 @@ class OnAll:
     def at(self, shape: FloatArray, lawful: bool = False) -> Whole | None:
         """The effect at a shape, with any coefficients or those that its law means; None where it shows not."""
         effect, problems = self.effect, [search.problem for search in self.searches]
-        lower = np.array([c.lower for c in effect.coefficients(self.panel.robot)])
+        lower = lower_bounds(self.panel, effect)
         every = self.panel.all_columns(effect, shape)
         columns = [p.of(every[:, j]) for j, p in enumerate(problems)]
         # A lead is no delay over a span that it does not fill.
@@ -165,7 +165,7 @@ def _shown(panel: Panel, problem: JointProblem, effect: Effect, joint: int) -> l
     shapes = list(grid(effect.shapes))
     columns = np.hstack([problem.of(columns) for columns in panel.sweep(effect, shapes, joint)])
     each, found = (x.reshape(len(shapes), -1) for x in problem.drops(columns))
-    positive = np.array([c.lower >= 0.0 for c in effect.coefficients(panel.robot)])
+    positive = lower_bounds(panel, effect) >= 0.0
     drops = np.where(positive & (found < 0.0), 0.0, each).max(axis=1)
     best = np.argsort(-drops)[:STARTS]
     if drops[best[0]] < SHOWS * float(np.sum(problem.residual**2)):

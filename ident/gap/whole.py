@@ -74,6 +74,7 @@ def whole_effect(
 
 def _by_promise(candidates: Sequence[OnAll]) -> Iterator[list[tuple[OnAll, Whole | None]]]:
     """Yield the candidates worth a search, which most of the time is spent on, then the others; as each had begun."""
+    # Handed on and not kept: Python 3.11 lets one thread at a time into a cached property, of whichever instance.
     begun = in_threads(lambda one: one.begun(), candidates)
     explained = np.array([-np.inf if one is None else one.likelihood for one in begun])
     near = explained >= PROMISE * explained.max(initial=0.0)
