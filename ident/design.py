@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from ident.arrays import BoolArray, FloatArray, IntArray
-from ident.effects.base import Coefficient, Context, Term
+from ident.effects.base import Coefficient, Context, Effect, Term
 from ident.robot import Robot
 from ident.signals import Motion
 from ident.walk import Block
@@ -36,6 +36,30 @@ class Rows:
         """Number of rows (n,) that count for each joint."""
         full = np.full(self.target.shape[1], float(len(self.target)))
         return full if self.counts is None else self.counts.sum(axis=0).astype(np.float64)
+
+
+@dataclass(frozen=True, eq=False)
+class Seen:
+    """What effects see of a block: those that remember of all rows, the others of those alone that are learnt from.
+
+    Attributes:
+        every: of all rows.
+        kept: of those to learn from.
+        keep: which these are, (N,).
+    """
+
+    every: Context
+    kept: Context
+    keep: BoolArray
+
+    @staticmethod
+    def of(context: Context, keep: BoolArray) -> Seen:
+        """What is seen of rows of which some (N,) are learnt from."""
+        return Seen(context, context.at(keep), keep)
+
+    def by(self, effect: Effect) -> tuple[Context, BoolArray | slice]:
+        """Return what an effect is asked with, and the rows of its answer that are learnt from."""
+        return (self.every, self.keep) if effect.start().size > 0 else (self.kept, slice(None))
 
 
 @dataclass(frozen=True)
@@ -102,21 +126,28 @@ class Design:
         """Return what the effects see of a motion."""
         return Context(self.robot, motion) if self.known is None else self.known(motion)
 
-    def matrix(self, context: Context, memories: list[FloatArray], joint: int) -> FloatArray:
-        """Regression matrix of one joint's row of consecutive samples; carries its terms' memories forward."""
+    def seen(self, block: Block) -> Seen:
+        """Return what the effects see of a block."""
+        return Seen.of(self.context(block.motion), block.keep)
+
+    def matrix(self, seen: Seen, memories: list[FloatArray], joint: int) -> FloatArray:
+        """Regression matrix of one joint's row of the samples to learn from; carries its terms' memories forward."""
         acting = [
             (term, memory)
             for term, memory in zip(self.terms, memories, strict=True)
             if term.effect.acts_on in (None, joint)
         ]
         acting.sort(key=lambda pair: pair[0].effect.acts_on is not None)
-        columns = [term.effect.row(context, term.shape, memory, joint) for term, memory in acting]
-        return np.hstack([*columns, np.zeros((len(context.motion.t), 0))])
+        columns = [np.zeros((len(seen.kept.motion), 0))]
+        for term, memory in acting:
+            context, rows = seen.by(term.effect)
+            columns.append(term.effect.row(context, term.shape, memory, joint)[rows])
+        return np.hstack(columns)
 
-    def matrices(self, context: Context, memories: list[FloatArray]) -> list[FloatArray]:
+    def matrices(self, seen: Seen, memories: list[FloatArray]) -> list[FloatArray]:
         """Regression matrices of all joints' rows."""
         last = self.robot.n - 1
-        return [self.matrix(context, self._for(memories, joint == last), joint) for joint in range(last + 1)]
+        return [self.matrix(seen, self._for(memories, joint == last), joint) for joint in range(last + 1)]
 
     def _for(self, memories: list[FloatArray], last: bool) -> list[FloatArray]:
         """Memories for one joint's row: an effect of the whole robot is asked for every row and must move on once."""
@@ -129,9 +160,9 @@ class Design:
         """Memories of the terms at the start of a segment."""
         return [term.effect.start() for term in self.terms]
 
-    def kept(self, block: Block, joint: int) -> BoolArray:
-        """Rows (N,) of a block that a joint learns from."""
-        return block.keep if self.counts is None else block.keep & self.counts(block)[:, joint]
+    def counted(self, block: Block, joint: int) -> BoolArray:
+        """Which of the rows to learn from of a block count for a joint."""
+        return np.ones(int(block.keep.sum()), bool) if self.counts is None else self.counts(block)[block.keep, joint]
 
     def rows(self, blocks: Iterable[Block]) -> Iterator[Rows]:
         """Yield the regression rows of the rows that each block keeps."""
@@ -139,12 +170,10 @@ class Design:
         for block in blocks:
             if block.first:
                 memories = self.start()
-            context = self.context(block.motion)
-            matrices = self.matrices(context, memories)
+            matrices = self.matrices(self.seen(block), memories)
             target = block.log.current[block.keep] * self.scale
-            kept = [m[block.keep] for m in matrices]
             counts = None if self.counts is None else self.counts(block)[block.keep]
             if counts is None or counts.all():
-                yield Rows(kept, target)
+                yield Rows(matrices, target)
             else:
-                yield Rows([m * counts[:, j, None] for j, m in enumerate(kept)], target * counts, counts)
+                yield Rows([m * counts[:, j, None] for j, m in enumerate(matrices)], target * counts, counts)

@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.optimize import least_squares, lsq_linear
 
 from ident.arrays import BoolArray, FloatArray
-from ident.design import Design
-from ident.effects.base import Context, Term
+from ident.design import Design, Seen
+from ident.effects.base import Context, Effect, Term
 from ident.least_squares import triangle
 from ident.walk import Block
 
@@ -19,7 +19,7 @@ def optimise_shapes(
     design: Design,
     blocks: Sequence[Block],
     joints: Sequence[int] | None = None,
-    contexts: Sequence[Context] | None = None,
+    seen: Sequence[Seen] | None = None,
     dependent: bool = False,
 ) -> Design:
     """Return the design with the shape parameters that fit the blocks best, joint by joint (default: every joint).
@@ -31,7 +31,7 @@ def optimise_shapes(
         design: the regression.
         blocks: its rows.
         joints: whose shapes are searched.
-        contexts: what effects see of each block.
+        seen: what effects see of each block.
         dependent: whether only effects are searched that depend on the fitted model, from the shapes that they have.
     """
     terms = list(design.terms)
@@ -41,17 +41,17 @@ def optimise_shapes(
     searches = [(joint, searched) for joint, searched in searches if searched]
     if not searches:  # what effects see of the blocks is dear
         return design
-    contexts = contexts or [design.context(block.motion) for block in blocks]
+    seen = seen or [design.seen(block) for block in blocks]
     for joint, searched in searches:
-        for k, shape in zip(searched, _search(design, blocks, contexts, joint, searched, not dependent), strict=True):
+        for k, shape in zip(searched, _search(design, blocks, seen, joint, searched, not dependent), strict=True):
             terms[k] = replace(terms[k], shape=shape)
     return replace(design, terms=tuple(terms))
 
 
 def _search(
-    design: Design, blocks: Sequence[Block], contexts: Sequence[Context], joint: int, searched: list[int], anew: bool
+    design: Design, blocks: Sequence[Block], seen: Sequence[Seen], joint: int, searched: list[int], anew: bool
 ) -> list[FloatArray]:
-    problem = _Projection.of(design, blocks, contexts, joint, searched)
+    problem = _Projection.of(design, blocks, seen, joint, searched)
     scale = _Scale.of([design.terms[k] for k in searched])
     known = np.concatenate([design.terms[k].shape for k in searched])
     start = scale.to_search(_start(problem, known) if anew else known)
@@ -112,8 +112,8 @@ class _Projection:
     """One joint's regression with the columns that do not depend on shapes already projected away."""
 
     terms: tuple[Term, ...]
-    contexts: Sequence[Context]
-    keep: Sequence[BoolArray]
+    seen: Sequence[Seen]
+    counted: Sequence[BoolArray]
     basis: FloatArray
     target: FloatArray
     lower: FloatArray
@@ -121,32 +121,27 @@ class _Projection:
 
     @staticmethod
     def of(
-        design: Design, blocks: Sequence[Block], contexts: Sequence[Context], joint: int, searched: list[int]
+        design: Design, blocks: Sequence[Block], seen: Sequence[Seen], joint: int, searched: list[int]
     ) -> _Projection:
         fixed = tuple(t for k, t in enumerate(design.terms) if k not in searched and t.effect.acts_on in (None, joint))
         rest = replace(design, terms=fixed)
-        keep = [design.kept(block, joint) for block in blocks]
-        matrix = np.vstack([rest.matrix(c, rest.start(), joint)[k] for c, k in zip(contexts, keep, strict=True)])
-        target = np.concatenate([block.log.current[k, joint] for block, k in zip(blocks, keep, strict=True)])
+        counted = [design.counted(block, joint) for block in blocks]
+        matrix = np.vstack([rest.matrix(one, rest.start(), joint)[k] for one, k in zip(seen, counted, strict=True)])
+        current = [block.log.current[block.keep, joint] for block in blocks]
+        target = np.concatenate([own[k] for own, k in zip(current, counted, strict=True)])
         target = target * design.scale[joint]
         basis = orthonormal(matrix)
         terms = tuple(design.terms[k] for k in searched)
         lower = np.array([c.lower for t in terms for c in t.effect.coefficients(design.robot)])
         target = target - basis @ (basis.T @ target)
-        return _Projection(terms, contexts, keep, basis, target, lower, joint)
+        return _Projection(terms, seen, counted, basis, target, lower, joint)
 
     def split(self, shape: FloatArray) -> list[FloatArray]:
         return np.split(shape, np.cumsum([len(t.effect.shapes) for t in self.terms])[:-1])
 
     def columns(self, shape: FloatArray) -> FloatArray:
-        shapes = self.split(shape)
-        parts = [
-            np.hstack(
-                [t.effect.row(c, s, t.effect.start(), self.joint) for t, s in zip(self.terms, shapes, strict=True)]
-            )[keep]
-            for c, keep in zip(self.contexts, self.keep, strict=True)
-        ]
-        return self._away(np.vstack(parts))
+        found = [self._stacked(term, own, _row) for term, own in zip(self.terms, self.split(shape), strict=True)]
+        return self._away(np.hstack([columns[0] for columns in found]))
 
     def residual(self, shape: FloatArray) -> FloatArray:
         columns = self.columns(shape)
@@ -159,8 +154,7 @@ class _Projection:
         jacobian = []
         first = 0
         for term, own in zip(self.terms, self.split(shape), strict=True):
-            parts = [self._gradient(term, c, own)[:, keep] for c, keep in zip(self.contexts, self.keep, strict=True)]
-            gradient = np.concatenate(parts, axis=1)
+            gradient = self._stacked(term, own, _gradient)
             used = coefficients[first : first + gradient.shape[2]]
             first += gradient.shape[2]
             for derivative in gradient:
@@ -168,10 +162,13 @@ class _Projection:
                 jacobian.append(-(moved - basis @ (basis.T @ moved)))
         return np.stack(jacobian, axis=1)
 
-    def _gradient(self, term: Term, context: Context, shape: FloatArray) -> FloatArray:
-        """Derivative (shapes, N, k) of a term's columns in the joint's row."""
-        gradient = term.effect.gradient(context, shape)
-        return gradient[:, :, self.joint] if term.effect.acts_on is None else gradient
+    def _stacked(self, term: Term, shape: FloatArray, of: Callable[..., FloatArray]) -> FloatArray:
+        """What is asked (m, N, k) of a term in the joint's row, in the rows that count of all blocks."""
+        parts = []
+        for one, counted in zip(self.seen, self.counted, strict=True):
+            context, rows = one.by(term.effect)
+            parts.append(of(term.effect, context, shape, self.joint)[:, rows][:, counted])
+        return np.concatenate(parts, axis=1)
 
     def _away(self, columns: FloatArray) -> FloatArray:
         return columns - self.basis @ (self.basis.T @ columns)
@@ -182,6 +179,17 @@ class _Projection:
             upper = triangle(np.column_stack([columns, self.target]))
             solved = lsq_linear(upper[:, :-1], upper[:, -1], bounds=(self.lower, np.inf), method="bvls").x
         return solved
+
+
+def _row(effect: Effect, context: Context, shape: FloatArray, joint: int) -> FloatArray:
+    """Columns (1, N, k) of an effect in a joint's row."""
+    return effect.row(context, shape, effect.start(), joint)[None]
+
+
+def _gradient(effect: Effect, context: Context, shape: FloatArray, joint: int) -> FloatArray:
+    """Derivative (shapes, N, k) of an effect's columns in a joint's row."""
+    gradient = effect.gradient(context, shape)
+    return gradient[:, :, joint] if effect.acts_on is None else gradient
 
 
 def orthonormal(matrix: FloatArray) -> FloatArray:

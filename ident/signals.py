@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import itertools
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import scipy.interpolate
@@ -56,9 +56,9 @@ class Motion:
     def __len__(self) -> int:
         return len(self.t)
 
-    def __getitem__(self, rows: slice) -> Motion:
-        """Return the rows of a slice (views, no copies)."""
-        return Motion(self.t[rows], self.q[rows], self.dq[rows], self.ddq[rows])
+    def __getitem__(self, rows: slice | BoolArray) -> Motion:
+        """Return some of the rows: those of a slice (views, no copies), or those that are marked."""
+        return replace(self, t=self.t[rows], q=self.q[rows], dq=self.dq[rows], ddq=self.ddq[rows])
 
 
 def zero_phase(x: FloatArray, rate: float, cutoff: float, order: int = 3) -> FloatArray:

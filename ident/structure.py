@@ -9,8 +9,8 @@ import numpy as np
 from joblib import Parallel, delayed
 
 from ident.arrays import BoolArray, FloatArray, IntArray
-from ident.design import Counts, Design
-from ident.effects.base import Context, Effect, initial_term
+from ident.design import Counts, Design, Seen
+from ident.effects.base import Effect, initial_term
 from ident.effects.direction import DirectedEffect, VelocityEffect
 from ident.effects.friction import CoulombAsymmetry, LoadFriction
 from ident.effects.friction_curve import Sigmoid, Stribeck, ViscousNonlinear
@@ -125,9 +125,9 @@ def choose_structure(
 def _rest_share(design: Design, blocks: Sequence[Block]) -> FloatArray:
     """Share (n,) of each joint's rows in which it stands still."""
     share = np.zeros(design.robot.n)
-    motors = [np.abs(design.robot.motors(block.motion).dq) for block in blocks]
+    motors = [np.abs(design.robot.motors(block.motion).dq)[block.keep] for block in blocks]
     for j in range(design.robot.n):
-        speeds = np.concatenate([dq[design.kept(b, j), j] for b, dq in zip(blocks, motors, strict=True)])
+        speeds = np.concatenate([dq[design.counted(b, j), j] for b, dq in zip(blocks, motors, strict=True)])
         share[j] = np.mean(speeds < REST_SPEED) if len(speeds) else 0.0
     return share
 
@@ -206,8 +206,8 @@ class _Held:
     design: Design
     factors: Factors
     weights: FloatArray
-    train: list[Context]
-    held_out: list[Context]
+    train: list[Seen]
+    held_out: list[Seen]
 
     @staticmethod
     def of(design: Design, fold: Fold, cutoff: float, drives: Drives) -> _Held:
@@ -216,8 +216,8 @@ class _Held:
         factors = factorise(design, design.rows(fold.train))
         solution = solve(design, factors)
         design = replace(design, known=solved_model(design, solution, drives, cutoff, rate).context)
-        contexts = [[design.context(block.motion) for block in blocks] for blocks in (fold.train, fold.held_out)]
-        return _Held(fold, design, factors, solution.weights, *contexts)
+        seen = [[design.seen(block) for block in blocks] for blocks in (fold.train, fold.held_out)]
+        return _Held(fold, design, factors, solution.weights, *seen)
 
     def error(self, joint: int, own: Sequence[Effect]) -> float:
         """RMS residual of a joint on the held-out rows when it has other effects of its own; all is fitted again."""
@@ -237,12 +237,12 @@ class _Held:
         return float(np.sqrt(np.mean(residual**2))) if len(residual) else 0.0
 
     def _rows(
-        self, design: Design, joint: int, blocks: Sequence[Block], contexts: Sequence[Context]
+        self, design: Design, joint: int, blocks: Sequence[Block], seen: Sequence[Seen]
     ) -> Iterator[tuple[FloatArray, FloatArray]]:
-        for block, context in zip(blocks, contexts, strict=True):
-            matrix = design.matrix(context, design.start(), joint)
-            keep = design.kept(block, joint)
-            yield matrix[keep], block.log.current[keep, joint] * design.scale[joint]
+        for block, one in zip(blocks, seen, strict=True):
+            matrix = design.matrix(one, design.start(), joint)
+            counted = design.counted(block, joint)
+            yield matrix[counted], block.log.current[block.keep, joint][counted] * design.scale[joint]
 
 
 def _grow(

@@ -82,6 +82,10 @@ class Tangent(Effect):
         """Return one coefficient a shape parameter."""
         return tuple(Coefficient(shape.name, shape.unit) for shape in self.term.effect.shapes)
 
+    def start(self) -> FloatArray:
+        """Return what the term remembers."""
+        return self.term.effect.start()
+
     def columns(self, context: Context, shape: FloatArray, memory: FloatArray) -> FloatArray:
         """Return the derivative of the term's current by each shape parameter."""
         gradient = self.term.effect.gradient(context, self.term.shape)

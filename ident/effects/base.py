@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 
-from ident.arrays import FloatArray
+from ident.arrays import BoolArray, FloatArray
 from ident.errors import InputError
 
 if TYPE_CHECKING:
@@ -94,6 +94,15 @@ class Context:
     def motors(self) -> Motion:
         """Motion of the motors, that of the joints where no gears couple them."""
         return self.robot.motors(self.motion)
+
+    def at(self, rows: slice | BoolArray) -> Context:
+        """Return what effects see of some rows alone: a slice, or those of N that are marked, if nothing remembers."""
+
+        def some(values: FloatArray | None) -> FloatArray | None:
+            return None if values is None else values[rows]
+
+        motion, load, total = self.motion[rows], some(self.load), some(self.total)
+        return Context(self.robot, motion, load, self.links, total, some(self.direction))
 
     def needed(self, what: str, by: str) -> FloatArray:
         """Return ``load``, ``links`` or ``total``.

@@ -1,5 +1,7 @@
 """Which column belongs to which joint and term, and that memories run on from block to block."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -37,16 +39,17 @@ def test_columns_are_numbered_shared_first_then_joint_by_joint(design):
 
 def test_matrix_columns_stand_where_the_numbers_say(design, vs060, recorded):
     block = next(walk(recorded(10.0), CUTOFF))
-    context = design.context(block.motion)
+    context, keep = design.context(block.motion), block.keep & (np.arange(len(block.log)) % 5 == 0)
+    seen = design.seen(replace(block, keep=keep))
     for joint in range(6):
-        matrix = design.matrix(context, design.start(), joint)
+        matrix = design.matrix(seen, design.start(), joint)
         numbers = design.columns_of_joint(joint)
-        assert matrix.shape == (len(block.log), len(numbers))
+        assert matrix.shape == (keep.sum(), len(numbers))
         for k, term in enumerate(design.terms):
             if term.effect.joint in (None, joint):
                 place = np.isin(numbers, design.columns_of_term(k))
                 expected = term.effect.row(context, term.shape, term.effect.start(), joint)
-                np.testing.assert_array_equal(matrix[:, place], expected)
+                np.testing.assert_allclose(matrix[:, place], expected[keep], rtol=1e-9, atol=1e-12)
 
 
 def test_rows_block_by_block_are_those_of_the_whole(design, recorded):
@@ -60,3 +63,13 @@ def test_rows_block_by_block_are_those_of_the_whole(design, recorded):
     np.testing.assert_array_equal(target, whole.target)
     kept = np.concatenate([b.log.current[b.keep] for b in walk(log, CUTOFF)])
     np.testing.assert_array_equal(whole.target, 2.0 * kept)
+
+
+def test_a_block_of_which_nothing_is_kept_is_remembered(design, recorded):
+    log = recorded(20.0)
+    blocks = list(walk(log, CUTOFF, 300))
+    blank = replace(blocks[1], keep=np.zeros_like(blocks[1].keep))
+    rows, expected = (list(design.rows([blocks[0], one, blocks[2]])) for one in (blank, blocks[1]))
+    for j in range(6):
+        assert rows[1].matrices[j].shape == (0, len(design.columns_of_joint(j)))
+        np.testing.assert_array_equal(rows[2].matrices[j], expected[2].matrices[j])

@@ -40,10 +40,6 @@ def acting(name):
     return CATALOGUE[name](None if name in WHOLE else 1)
 
 
-def part(context, rows):
-    return Context(context.robot, context.motion[rows], context.load[rows], context.links, context.total[rows])
-
-
 def with_gap(context, rows):
     """The same where velocities, accelerations and loads of some rows are not known."""
     motion, load, total = context.motion, context.load.copy(), context.total.copy()
@@ -115,12 +111,19 @@ def test_memory_makes_blocks_as_good_as_the_whole(context, effect, size):
     whole = effect.columns(context, shape, effect.start())
     memory = effect.start()
     rows = range(0, len(context.motion), size)
-    pieces = [effect.columns(part(context, slice(k, k + size)), shape, memory) for k in rows]
+    pieces = [effect.columns(context.at(slice(k, k + size)), shape, memory) for k in rows]
     np.testing.assert_allclose(np.concatenate(pieces), whole, rtol=1e-12, atol=1e-12)
     rows = len(context.motion)
     of_one = (rows,) if effect.acts_on is not None else (rows, 6)
     assert whole.shape == (*of_one, len(effect.coefficients(context.robot)))
     assert np.all(np.isfinite(whole))
+
+
+@pytest.mark.parametrize("effect", [e for e in [*map(acting, sorted(CATALOGUE)), *VARIANTS] if e.start().size == 0])
+def test_an_effect_without_memory_can_be_asked_of_no_rows(context, effect):
+    found = effect.columns(context.at(slice(0, 0)), initial_term(effect).shape, effect.start())
+    of_one = (0,) if effect.acts_on is not None else (0, 6)
+    assert found.shape == (*of_one, len(effect.coefficients(context.robot)))
 
 
 @pytest.mark.parametrize("effect", [effect for effect in VARIANTS if effect.acts_on is None])

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from ident.design import Design, Rows
+from ident.design import Design, Rows, Seen
 from ident.effects.base import initial_term
 from ident.effects.friction import Coulomb, Viscous
 from ident.effects.rigid_body import Links, RotorInertia
@@ -43,7 +43,8 @@ def fitted(design, truth, noise, seed=0, samples=400):
     body = design.robot.rigid_body
     torque = body.inverse_dynamics(motion.q, motion.dq, motion.ddq, truth) + ROTOR * motion.ddq
     torque += FRICTION * (np.tanh(motion.dq / 5e-3) + motion.dq) + noise * rng.normal(size=motion.q.shape)
-    factors = factorise(design, [Rows(design.matrices(design.context(motion), design.start()), torque)])
+    seen = Seen.of(design.context(motion), np.ones(samples, dtype=bool))
+    factors = factorise(design, [Rows(design.matrices(seen, design.start()), torque)])
     return factors, solve(design, factors)
 
 

@@ -97,8 +97,7 @@ def test_the_gradient_of_the_squares_is_exact(vs060, motion):
     effects = [CurrentOffset(1), Viscous(1), Stribeck(1), Sigmoid(1)]
     figures = [[], [], [0.08], [0.2, 0.01]], [[1.0], [2.0], [3.0], [4.0]]
     design, blocks = problem(vs060, motion, effects, *figures, noise=0.5)
-    contexts = [design.context(block.motion) for block in blocks]
-    projection = _Projection.of(design, blocks, contexts, 1, [2, 3])
+    projection = _Projection.of(design, blocks, [design.seen(block) for block in blocks], 1, [2, 3])
     shape = np.array([0.05, 0.1, 0.02])
     slope = 2 * projection.residual(shape) @ projection.jacobian(shape)
     for k in range(3):
