@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from abc import ABC, abstractmethod
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import TYPE_CHECKING, ClassVar
@@ -53,6 +53,16 @@ class Shape:
     def value(self, place: float) -> float:
         """The value at a place of that scale."""
         return math.exp(place) if self.log else place
+
+
+def is_start(shapes: Sequence[Shape], values: FloatArray) -> bool:
+    """Whether a search may begin with these values (k,) of some shape parameters.
+
+    Args:
+        shapes: the parameters.
+        values: of each.
+    """
+    return all(value in shape.starts for shape, value in zip(shapes, values.tolist(), strict=True))
 
 
 @dataclass(frozen=True)
@@ -308,8 +318,13 @@ class Effect(ABC):
 
     def row(self, context: Context, shape: FloatArray, memory: FloatArray, joint: int) -> FloatArray:
         """Columns (N, k) at one of the joints that the effect acts on."""
-        columns = self.columns(context, shape, memory)
-        return columns[:, joint] if self.acts_on is None else columns
+        alone = self.in_row(joint)
+        columns = alone.columns(context, shape, memory)
+        return columns[:, joint] if alone.acts_on is None else columns
+
+    def in_row(self, joint: int) -> Effect:
+        """Return the form of the effect that says the same of that joint's row, and no other: itself by default."""
+        return self
 
     def start(self) -> FloatArray:
         """Memory as it stands at the start of a segment; empty for effects without memory."""

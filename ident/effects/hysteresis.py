@@ -227,11 +227,9 @@ class Backlash(Effect):
         own, q, dq = (np.ascontiguousarray(x[:, joint]) for x in (load, motion.q, motion.dq))
         return (-own * _inside(q, dq, own, 0.5 * float(shape[0]), self.falls, memory))[:, None]
 
-    def row(self, context: Context, shape: FloatArray, memory: FloatArray, joint: int) -> FloatArray:
-        """Columns (N, k) at one joint; at its own without what a knock does to all others."""
-        if joint == self.joint:
-            return replace(self, everywhere=False).columns(context, shape, memory)
-        return super().row(context, shape, memory, joint)
+    def in_row(self, joint: int) -> Effect:
+        """Return, at its own joint, one without what a knock does to all others."""
+        return replace(self, everywhere=False) if self.everywhere and joint == self.joint else self
 
     def _flown(self, context: Context, shape: FloatArray, memory: FloatArray) -> FloatArray:
         """Return what forces lack as the link flies."""

@@ -240,11 +240,9 @@ class Elasticity(ToldAtLargest):
         change: FloatArray = (carried - load) / wound
         return change[:, :, None] if self.everywhere else change[:, joint, None]
 
-    def row(self, context: Context, shape: FloatArray, memory: FloatArray, joint: int) -> FloatArray:
-        """Columns (N, k) at one joint; at its own without what swinging does to all others."""
-        if self.rings and joint == self.joint:
-            return replace(self, everywhere=False).columns(context, shape, memory)
-        return super().row(context, shape, memory, joint)
+    def in_row(self, joint: int) -> Effect:
+        """Return, at its own joint, one that rings without what swinging does to all others."""
+        return replace(self, everywhere=False) if self.everywhere and self.rings and joint == self.joint else self
 
     def _swung(self, context: Context, shape: FloatArray, memory: FloatArray) -> FloatArray:
         """Return the change of the load as the link swings on its spring."""

@@ -86,7 +86,7 @@ def name_causes(subject: Subject, keep: BoolArray, tell: Callable[[float], None]
         wholes.append(beside)
         named = _attributed(subject, _searches(subject, _without(subject, gaps, beside)))
     tell(1.0)
-    gaps, sure, doubted = map(list, zip(*(_judged(subject, one) for one in named), strict=True))
+    gaps, sure, doubted = map(list, zip(*in_threads(lambda one: _judged(subject, one), named), strict=True))
     each = zip(gaps, sure, doubted, strict=True)
     stuck = [gap.joint for gap, names, others in each if _slipless(subject, gap, [*names, *others])]
     return Causes(wholes, gaps, sure, doubted, p_values, stuck)

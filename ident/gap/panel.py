@@ -12,7 +12,7 @@ import numpy.typing as npt
 from scipy.ndimage import binary_dilation
 
 from ident.arrays import BoolArray, FloatArray, IntArray
-from ident.effects.base import Context, Effect
+from ident.effects.base import Context, Effect, is_start
 from ident.effects.direction import DirectedEffect
 from ident.gap.cut_away import cut_away, filtered_again
 from ident.gap.folds import log_numbers
@@ -82,18 +82,25 @@ class Panel:
 
     def columns(self, effect: Effect, shape: FloatArray, joint: int) -> FloatArray:
         """Columns (N, k) of an effect in a joint's rows."""
+        effect = effect.in_row(joint)
         if effect.acts_on is None and len(effect.shapes) > 0:
             return self._of(effect, lambda context: effect.row(context, shape, effect.start(), joint))
         found = self.all_columns(effect, shape)
         return found[:, joint] if effect.acts_on is None else found
 
     def all_columns(self, effect: Effect, shape: FloatArray) -> FloatArray:
-        """An effect's columns, (N, n, k) if it acts on all joints; those without shape are kept, being asked often."""
-        if len(effect.shapes) > 0 or not _hashable(effect):
+        """An effect's columns, (N, n, k) if it acts on all joints.
+
+        Those without shape are kept, being asked often, and those where the search for one begins that must see the
+        rows between: they are dear.
+        """
+        dear = self._seen_in_rows(effect) is None and is_start(effect.shapes, shape)
+        if (len(effect.shapes) > 0 and not dear) or not _hashable(effect):
             return self._columns(effect, shape)
-        if effect not in self._kept:
-            self._kept[effect] = self._columns(effect, shape)
-        return self._kept[effect]
+        key = effect, *shape.tolist()
+        if key not in self._kept:
+            self._kept[key] = self._columns(effect, shape)
+        return self._kept[key]
 
     def sweep(self, effect: Effect, shapes: Sequence[FloatArray], joint: int) -> Iterator[FloatArray]:
         """Yield the columns (N, k) of an effect in a joint's rows at each of several shapes."""
@@ -135,7 +142,7 @@ class Panel:
         return {}
 
     @cached_property
-    def _kept(self) -> dict[Effect, FloatArray]:
+    def _kept(self) -> dict[tuple[Effect | float, ...], FloatArray]:
         return {}
 
     @cached_property

@@ -13,6 +13,7 @@ from ident.gap.candidates import forms
 from ident.gap.joint_gap import JointGap, speed_of
 from ident.gap.panel import Panel
 from ident.gap.problem import JointProblem
+from ident.gap.threads import in_threads
 
 VISIBLE = 0.02
 """Share of an effect's own size that the baseline must leave, for the effect to be seen."""
@@ -35,11 +36,10 @@ def untestable(
 ) -> list[Untestable]:
     """Effects of the catalogue that nothing in these rows could show."""
     found: dict[tuple[str, str], list[int]] = {}
-    for gap, problem in zip(gaps, problems, strict=True):
-        for name, effects in _by_name(forms(survey, gap.joint, gap.present)).items():
-            reason = _reason(panel, survey, gap, problem, effects)
-            if reason is not None:
-                found.setdefault((name, reason), []).append(gap.joint)
+    reasons = in_threads(lambda pair: _reasons(panel, survey, *pair), list(zip(gaps, problems, strict=True)))
+    for gap, of_joint in zip(gaps, reasons, strict=True):
+        for name, reason in of_joint.items():
+            found.setdefault((name, reason), []).append(gap.joint)
     result = [
         Untestable(name, () if len(joints) == panel.robot.n else tuple(joints), reason)
         for (name, reason), joints in found.items()
@@ -48,6 +48,13 @@ def untestable(
         absorbed = "links that are fitted anew absorb it: give --model of the robot without it"
         result += [Untestable(name, (), absorbed) for name in ("payload",) if name in load_catalogue()]
     return result
+
+
+def _reasons(panel: Panel, survey: Survey, gap: JointGap, problem: JointProblem) -> dict[str, str]:
+    """Why effects of a joint, by name, could not show."""
+    named = _by_name(forms(survey, gap.joint, gap.present)).items()
+    found = {name: _reason(panel, survey, gap, problem, effects) for name, effects in named}
+    return {name: reason for name, reason in found.items() if reason is not None}
 
 
 def _by_name(effects: Sequence[Effect]) -> dict[str, list[Effect]]:

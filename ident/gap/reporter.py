@@ -84,14 +84,16 @@ class Reporter:
         findings = [self._whole_finding(w, causes.gaps[w.joint], causes.named[w.joint]) for w in causes.wholes]
         errors = mistimed(subject.model, panel, survey)
         before, after = (np.full((len(panel), subject.model.n), np.nan) for _ in range(2))
-        problems = []
-        for gap, names in zip(causes.gaps, causes.named, strict=True):
-            # Before causes of the whole robot were taken away.
-            plain = replace(gap, target=subject.gaps[gap.joint].target).problem(panel)
+        # Before causes of the whole robot were taken away.
+        problems = [replace(gap, target=subject.gaps[gap.joint].target).problem(panel) for gap in causes.gaps]
+
+        def see(joint: int) -> list[Finding]:
+            gap, names, plain = causes.gaps[joint], causes.named[joint], problems[joint]
             full = gap.problem(panel, [n.trial for n in names])
-            problems.append(plain)
-            before[plain.keep, gap.joint], after[full.keep, gap.joint] = plain.residual, full.residual
-            findings += [self._joint_finding(gap, names, one, plain.errors().total) for one in names]
+            before[plain.keep, joint], after[full.keep, joint] = plain.residual, full.residual
+            return [self._joint_finding(gap, names, one, plain.errors().total) for one in names]
+
+        findings += chain(*in_threads(see, range(len(problems))))
         left = in_threads(
             lambda j: unexplained(panel, survey, causes.gaps[j], causes.named[j], causes.doubted[j], errors[:, j]),
             range(len(causes.gaps)),

@@ -17,6 +17,7 @@ from ident.gap.naming import Causes, name_causes
 from ident.gap.report import GapReport
 from ident.gap.reporter import Reporter, Start
 from ident.gap.subject import Subject
+from ident.gap.threads import in_threads
 from ident.gap.torque_constant import wrong_gain
 from ident.gap.touch import Touches, find_touches, undisturbed
 from ident.gap.unsure import unsure_rows
@@ -112,12 +113,16 @@ def _touches(subject: Subject, causes: Causes) -> Touches | None:
     panel, survey, rests = subject.panel, subject.survey, subject.rests
     residuals, explained = (np.zeros((len(panel), subject.model.n)) for _ in range(2))
     counts = panel.gather(rests.counts)
-    for gap, names in zip(causes.gaps, causes.named, strict=True):
-        left, rest = undisturbed(gap, panel, [n.trial for n in names]), ~counts[:, gap.joint]
-        residuals[gap.keep, gap.joint] = left[gap.keep]
-        residuals[rest, gap.joint] = rests.beyond(gap.joint, left[rest])
+
+    def see(joint: int) -> None:
+        gap, names, rest = causes.gaps[joint], causes.named[joint], ~counts[:, joint]
+        left = undisturbed(gap, panel, [n.trial for n in names])
+        residuals[gap.keep, joint] = left[gap.keep]
+        residuals[rest, joint] = rests.beyond(joint, left[rest])
         if names:
-            explained[gap.keep, gap.joint] = (undisturbed(gap, panel) - left)[gap.keep]
+            explained[gap.keep, joint] = (undisturbed(gap, panel) - left)[gap.keep]
+
+    in_threads(see, range(subject.model.n))
     found = find_touches(panel, survey, residuals, explained)
     # A burst that the motion predicts is an effect that was not named, and no touch.
     everything = np.arange(len(panel))
