@@ -75,17 +75,22 @@ class RigidBody:
         ddq: FloatArray,
         parameters: FloatArray,
         gravity: FloatArray | None = None,
+        joint: int | None = None,
     ) -> FloatArray:
-        """Joint torques ``Y @ parameters``, (N, n), without Y in memory."""
+        """Joint torques ``Y @ parameters``, (N, n), without Y in memory; of one ``joint`` (from 0) alone (N,)."""
         motion, along = self._motion(q, dq, ddq), self._gravity(gravity)
+        # Where gears couple joints, a motor's force is of several.
+        alone = joint is not None and self.coupling is None
+        asked = np.array([joint], dtype=np.int64) if alone else self.chain.order
 
         def torques(own: FloatArray) -> FloatArray:
             out = np.empty(motion[0].shape)
-            over_rows(inverse_dynamics_rows, (self.chain, along, own), *motion, out)
+            over_rows(inverse_dynamics_rows, (self.chain, along, own, asked), *motion, out)
             return out
 
         out = self._of_motors(torques, self._per_joint(parameters))
-        return out if np.ndim(q) == 2 else out[0]
+        found = out if joint is None else out[:, joint]
+        return found if np.ndim(q) == 2 else found[0]
 
     def momentum_terms(
         self, q: FloatArray, dq: FloatArray, parameters: FloatArray, gravity: FloatArray | None = None

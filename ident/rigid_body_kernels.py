@@ -6,7 +6,7 @@ file's compiled cache is stale: numba looks only at the file it compiled, so tou
 
 from __future__ import annotations
 
-from ident.arrays import FloatArray
+from ident.arrays import FloatArray, IntArray
 from ident.compiled import compiled
 from ident.link_motion import (
     Chain,
@@ -56,17 +56,18 @@ def inverse_dynamics_rows(
     chain: Chain,
     gravity: FloatArray,
     parameters: FloatArray,
+    joints: IntArray,
     q: FloatArray,
     dq: FloatArray,
     ddq: FloatArray,
     out: FloatArray,
 ) -> None:
-    """Joint torques, ``out`` (N, n)."""
+    """Torques of some joints, ``out`` (N, n)."""
     n = q.shape[1]
     work = room(n)
     for t in range(len(q)):
         _move(chain, q[t], dq[t], ddq[t], gravity, work)
-        for j in range(n):
+        for j in joints:
             unit_twist(chain, j, work.twist)
             total = 0.0
             for k in chain.order:

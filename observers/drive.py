@@ -121,7 +121,7 @@ def take_sample(
     momentum_rows(chain, gravity, parameters, at, speed, terms)
     if asks_load:
         acceleration, load = rows[_DDQ : _DDQ + 1], rows[_LOAD : _LOAD + 1]
-        inverse_dynamics_rows(chain, gravity, parameters, at, speed, acceleration, load)
+        inverse_dynamics_rows(chain, gravity, parameters, order, at, speed, acceleration, load)
     rows[_FRICTION] = 0.0
     add_terms(entries, values, rows[_Q], rows[_DQ], rows[_DDQ], rows[_LOAD], memory, rows[_FRICTION])
     for j in range(n):

@@ -236,9 +236,10 @@ class Elasticity(ToldAtLargest):
                 np.ascontiguousarray(motion.t), np.ascontiguousarray(load[:, joint]), past[0], past[1]
             )
             link -= softness * wind[:, :, None] * context.moved_by(joint)
-        carried = context.robot.rigid_body.inverse_dynamics(link[0], link[1], link[2], links)
-        change: FloatArray = (carried - load) / wound
-        return change[:, :, None] if self.everywhere else change[:, joint, None]
+        body, own = context.robot.rigid_body, None if self.everywhere else joint
+        carried = body.inverse_dynamics(link[0], link[1], link[2], links, joint=own)
+        change: FloatArray = (carried - (load if own is None else load[:, own])) / wound
+        return change[..., None]
 
     def in_row(self, joint: int) -> Effect:
         """Return, at its own joint, one that rings without what swinging does to all others."""

@@ -131,25 +131,28 @@ def left_behind(
             needed = pull[k] + brake[k] * of_motor
             ahead = (half + abs(needed) / square[k]) * (1.0 if needed >= 0.0 else -1.0)
         else:
-            turn = min(np.sqrt(square[k]), FASTEST / (t[k] - last))
-            steps = max(int(np.ceil((t[k] - last) * turn * STEPS)), BRAKED if brake[k] > 0.0 else 1)
-            step, first, rubbed, gained, rub = (t[k] - last) / steps, speed, 0.0, 0.0, 0.0
+            since = t[k] - last
+            turn = min(np.sqrt(square[k]), FASTEST / since)
+            steps = max(int(np.ceil(since * turn * STEPS)), BRAKED if brake[k] > 0.0 else 1)
+            share, step = 1.0 / steps, since / steps
+            stiff, damper, braked = turn * turn, 2.0 * damping * turn, brake[k] * step
+            width = (SMOOTHING + braked) ** 2
+            first, started, rubbed, rub = speed, speed, 0.0, 0.0
             for i in range(steps):
-                part = (i + 0.5) / steps
+                part = (i + 0.5) * share
                 wound = ahead - min(max(ahead, -half), half)
-                push = turn * (turn * wound + 2.0 * damping * speed)
+                push = stiff * wound + damper * speed
                 carried = push if half == 0.0 or push * wound > 0.0 else 0.0
                 started = speed
                 speed += (before + (pull[k] - before) * part - carried) * step
                 if brake[k] > 0.0:
-                    link, width = motor + (dq[k] - motor) * part - speed, SMOOTHING + brake[k] * step
-                    rub = link / np.sqrt(link * link + width * width)
-                    speed += brake[k] * rub * step
+                    link = motor + (dq[k] - motor) * part - speed
+                    rub = link / np.sqrt(link * link + width)
+                    speed += braked * rub
                     rubbed += rub
                 ahead += speed * step
-                gained = (speed - started) / step
-            onward[k] = (speed - first) / (t[k] - last) if mean else gained
-            turned[k] = (rubbed / steps if mean else rub) - of_motor
+            onward[k] = (speed - first) / since if mean else (speed - started) / step
+            turned[k] = (rubbed * share if mean else rub) - of_motor
         place[k] = ahead
         before, motor, last = pull[k], dq[k], t[k]
     memory[0], memory[1], memory[2], memory[3], memory[4] = ahead, speed, before, motor, last

@@ -87,6 +87,8 @@ def test_dynamics_are_those_of_the_motors(wrist: Robot, vs060: Robot, rng: np.ra
     body, joints = wrist.rigid_body, vs060.rigid_body
     force = body.inverse_dynamics(q, dq, ddq, parameters)
     np.testing.assert_allclose(force, motors(lambda p: joints.inverse_dynamics(q, dq, ddq, p)), atol=1e-12)
+    for j in range(6):
+        np.testing.assert_array_equal(body.inverse_dynamics(q, dq, ddq, parameters, joint=j), force[:, j])
     np.testing.assert_allclose(force, np.einsum("tjk,jk->tj", body.regressor(q, dq, ddq), parameters), atol=1e-10)
     terms = body.momentum_terms(q, dq, parameters)
     for name in ("momentum", "coriolis_transpose", "gravity"):

@@ -43,6 +43,8 @@ def test_regressor_and_inverse_dynamics_are_those_of_pinocchio(body, motion):
     expected = np.array([body.inverse_dynamics(*sample) for sample in zip(*motion, strict=True)])
     np.testing.assert_allclose(rigid_body.regressor(*motion) @ body.parameters, expected, atol=1e-11)
     np.testing.assert_allclose(rigid_body.inverse_dynamics(*motion, body.parameters), expected, atol=1e-11)
+    for j, of_joint in enumerate(expected.T):
+        np.testing.assert_allclose(rigid_body.inverse_dynamics(*motion, body.parameters, joint=j), of_joint, atol=1e-11)
 
 
 def test_momentum_terms_and_mass_matrix_are_those_of_pinocchio(body, motion):
