@@ -80,7 +80,7 @@ def _turning(model: CurrentModel, panel: Panel, counts: BoolArray, joint: int) -
     """The dry friction that predicts best, fitted to the rows that count, and their held-out error with it.
 
     A sign that turns slowly is what a sharp one looks like that lacks friction which grows with the speed: where that
-    beside a sharper sign tells far more, it is the sharper one.
+    tells far more, and beside it motion tells a sharper sign from the slow one, it is the sharper one.
     """
     dry = DryFriction.of(model, panel, joint)
     if dry is None:
@@ -91,13 +91,14 @@ def _turning(model: CurrentModel, panel: Panel, counts: BoolArray, joint: int) -
     if turns and best == 0:
         finer, of_finer = _turned(dry, SHARPER)
         sharp, rest = _best(dry, counts, of_finer)
-        if rest < (1.0 - FAR_MORE) * left:
+        if rest.min() < (1.0 - FAR_MORE) * left.min():
             laws, best = finer, sharp
     elif best > 0:
         grows = np.tanh(panel.velocity[:, joint, None] / (GROWS * SMOOTHINGS[-1]))
         beside = replace(dry, others=np.hstack([dry.others, grows]))
         sharp, rest = _best(beside, counts, columns)
-        if sharp < best and rest < (1.0 - FAR_MORE) * left:
+        told = rest[best] > (1.0 + TOLD) * rest.min()
+        if sharp < best and told and rest.min() < (1.0 - FAR_MORE) * left.min():
             dry, best = beside, sharp
     law = laws[best]
     return law, _mean_error(dry.rows(counts, law).problem(panel))
@@ -109,8 +110,8 @@ def _turned(dry: DryFriction, widths: FloatArray) -> tuple[list[Coulomb], list[F
     return laws, [dry.columns(law) for law in laws]
 
 
-def _best(dry: DryFriction, counts: BoolArray, columns: Sequence[FloatArray]) -> tuple[int, float]:
-    """Which of the laws of these columns predicts best, and what the best of them leaves of the rows that count.
+def _best(dry: DryFriction, counts: BoolArray, columns: Sequence[FloatArray]) -> tuple[int, FloatArray]:
+    """Which of the laws of these columns predicts best, and what each of them leaves of the rows that count.
 
     Of those between which the rows that count do not decide, the one that predicts all best: rests that do not count
     still tell how well the sign is predicted as the joint creeps, but what is held there is no friction.
@@ -120,7 +121,7 @@ def _best(dry: DryFriction, counts: BoolArray, columns: Sequence[FloatArray]) ->
     moving = np.array([left - problem.drop(problem.of(own)) for own in columns])
     likely = np.flatnonzero(moving <= (1.0 + TOLD) * moving.min()).tolist()
     best = min(likely, key=lambda k: float(np.sum(dry.left(problem, columns[k]) ** 2)))
-    return best, float(moving.min())
+    return best, moving
 
 
 def _mean_error(problem: JointProblem) -> float:
