@@ -163,7 +163,7 @@ class _Judge:
             shown = bool(explained.sum() > self._single[self.instead.at])
         elif alone:
             shown = _stands_alone(best, self.searches[one].closest, explained, self._single, one)
-            shown = shown and bool(np.all(best.held_out[one] <= self.before[one]))
+            shown = shown and falls(self.before[one] - best.held_out[one])
         else:
             affected = _gains(self._squares, self._best_single) > GAIN
             shown = _rivals(explained, self._single, affected, helped)
