@@ -55,7 +55,7 @@ class Seen:
     @staticmethod
     def of(context: Context, keep: BoolArray) -> Seen:
         """What is seen of rows of which some (N,) are learnt from."""
-        return Seen(context, context.at(keep), keep)
+        return Seen(context, context.rows(keep), keep)
 
     def by(self, effect: Effect) -> tuple[Context, BoolArray | slice]:
         """Return what an effect is asked with, and the rows of its answer that are learnt from."""

@@ -105,14 +105,14 @@ class Context:
         """Motion of the motors, that of the joints where no gears couple them."""
         return self.robot.motors(self.motion)
 
-    def at(self, rows: slice | BoolArray) -> Context:
+    def rows(self, which: slice | BoolArray) -> Context:
         """Return what effects see of some rows alone: a slice, or those of N that are marked, if nothing remembers."""
 
-        def some(values: FloatArray | None) -> FloatArray | None:
-            return None if values is None else values[rows]
+        def of(values: FloatArray | None) -> FloatArray | None:
+            return None if values is None else values[which]
 
-        motion, load, total = self.motion[rows], some(self.load), some(self.total)
-        return Context(self.robot, motion, load, self.links, total, some(self.direction))
+        motion, load, total = self.motion[which], of(self.load), of(self.total)
+        return Context(self.robot, motion, load, self.links, total, of(self.direction))
 
     def needed(self, what: str, by: str) -> FloatArray:
         """Return ``load``, ``links`` or ``total``.

@@ -111,7 +111,7 @@ def test_memory_makes_blocks_as_good_as_the_whole(context, effect, size):
     whole = effect.columns(context, shape, effect.start())
     memory = effect.start()
     rows = range(0, len(context.motion), size)
-    pieces = [effect.columns(context.at(slice(k, k + size)), shape, memory) for k in rows]
+    pieces = [effect.columns(context.rows(slice(k, k + size)), shape, memory) for k in rows]
     np.testing.assert_allclose(np.concatenate(pieces), whole, rtol=1e-12, atol=1e-12)
     rows = len(context.motion)
     of_one = (rows,) if effect.acts_on is not None else (rows, 6)
@@ -121,7 +121,7 @@ def test_memory_makes_blocks_as_good_as_the_whole(context, effect, size):
 
 @pytest.mark.parametrize("effect", [e for e in [*map(acting, sorted(CATALOGUE)), *VARIANTS] if e.start().size == 0])
 def test_an_effect_without_memory_can_be_asked_of_no_rows(context, effect):
-    found = effect.columns(context.at(slice(0, 0)), initial_term(effect).shape, effect.start())
+    found = effect.columns(context.rows(slice(0, 0)), initial_term(effect).shape, effect.start())
     of_one = (0,) if effect.acts_on is not None else (0, 6)
     assert found.shape == (*of_one, len(effect.coefficients(context.robot)))
 
