@@ -33,7 +33,7 @@ def attribute(panel: Panel, survey: Survey, first: Search) -> Search:
     if bold is not None:
         more = _grown(panel, survey, search(panel, survey, gap, [*last.named, bold]))
         enough = len(more.named) > len(last.named) + 1
-        if enough and all(_holds_beside(panel, gap, one, more.named) for one in more.named):
+        if enough and all(holds_beside(panel, gap, one, more.named) for one in more.named):
             return more
     return last
 
@@ -53,10 +53,10 @@ def _grown(panel: Panel, survey: Survey, tried: Search) -> Search:
 def still_holding(panel: Panel, gap: JointGap, named: Sequence[Named]) -> list[Named]:
     """Names, each fitted anew among the others or its better rival; none unless each passes beside the others."""
     again = _swapped(panel, gap, list(named))
-    return again if all(_holds_beside(panel, gap, one, again) for one in again) else []
+    return again if all(holds_beside(panel, gap, one, again) for one in again) else []
 
 
-def _holds_beside(panel: Panel, gap: JointGap, one: Named, named: Sequence[Named]) -> bool:
+def holds_beside(panel: Panel, gap: JointGap, one: Named, named: Sequence[Named]) -> bool:
     """Whether an effect passes with all the others in place."""
     beside = Beside.of(panel, gap, [n for n in named if n is not one])
     return beside.passes(panel, with_errors(panel, beside.problem, one.trial, gap.joint))

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from ident.arrays import BoolArray, FloatArray
 from ident.effects.base import Effect, Term
 from ident.effects.timing import Timing
-from ident.gap.attribute import attribute, still_holding
+from ident.gap.attribute import attribute, holds_beside, still_holding
 from ident.gap.belief import believed
 from ident.gap.candidates import coefficients
 from ident.gap.edge import with_less_edge
@@ -179,6 +179,8 @@ def _parted(subject: Subject, last: Search) -> tuple[list[Named], list[Named]]:
     """Names of a joint that are believed, and those that are withdrawn: all, if the others do not hold alone."""
     named = list(last.named)
     believable = believed(subject.panel, subject.survey, last.gap, named)
+    if len(believable) < len(named):
+        named, believable = _steadier(subject, last.gap, named, believable)
     sticks = _slipless(subject, last.gap, believable)
     names = [one for one in believable if one not in sticks]
     withdrawn = [one for one in named if one not in names]
@@ -186,6 +188,27 @@ def _parted(subject: Subject, last: Search) -> tuple[list[Named], list[Named]]:
         return names, []
     names = still_holding(subject.panel, last.gap, names)
     return names, withdrawn if names else named
+
+
+def _steadier(
+    subject: Subject, gap: JointGap, named: list[Named], believable: list[Named]
+) -> tuple[list[Named], list[Named]]:
+    """Names of a joint and those that are believed, once more with other forms of the laws that were withdrawn.
+
+    A law may have coefficients of its own for what it takes for one, as friction where the load drives.
+    """
+    for k, one in enumerate(named):
+        if one in believable:
+            continue
+        for form in (t for t in one.ranking if t.effect.name == one.effect.name and t.effect is not one.effect):
+            others = [*named[:k], replace(one, trial=form), *named[k + 1 :]]
+            if not holds_beside(subject.panel, gap, others[k], others):
+                continue
+            found = believed(subject.panel, subject.survey, gap, others)
+            if len(found) > len(believable):
+                named, believable = others, found
+                break
+    return named, believable
 
 
 def _slipless(subject: Subject, gap: JointGap, named: Sequence[Named]) -> list[Named]:

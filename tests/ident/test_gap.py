@@ -1,6 +1,7 @@
 """The gap workflow on a two-link arm: names what is hidden, keeps silent where nothing or something foreign is."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import planar_arm
@@ -11,7 +12,8 @@ from scipy.signal import lfilter
 
 from ident.card import Drive
 from ident.effects import load_catalogue
-from ident.gap import baseline_model, belief, find_gap
+from ident.effects.friction import LoadFriction, Viscous
+from ident.gap import baseline_model, belief, find_gap, naming
 from ident.gap.candidates import Trial, kind_of
 from ident.gap.edge import edge_columns, with_less_edge
 from ident.gap.joint_gap import JointGap, Named
@@ -136,6 +138,18 @@ def test_a_name_that_varies_is_withdrawn_and_the_others_stay_if_they_explain_eno
     monkeypatch.setattr(belief, "inconstancy", lambda panel, survey, gap, names: [varies[n.effect.name] for n in names])
     monkeypatch.setattr(belief, "_allowed", lambda panel, survey, gap, names: 0.03 if len(names) > 2 else share)
     assert [one.effect.name for one in belief.believed(None, None, None, named)] == kept
+
+
+@pytest.mark.parametrize("holds", [True, False])
+def test_another_form_of_a_law_that_varies_may_be_constant(monkeypatch, holds):
+    forms = [Trial(effect, np.zeros(0), 0.0) for effect in (LoadFriction(0), Viscous(0), LoadFriction(0, driven=True))]
+    named = [Named(forms[0], 0.0, 0.0, tuple(forms)), Named(forms[1], 0.0, 0.0, tuple(forms))]
+    constant = [trial.effect for trial in forms[1:]]
+    monkeypatch.setattr(naming, "believed", lambda panel, survey, gap, ns: [n for n in ns if n.effect in constant])
+    monkeypatch.setattr(naming, "holds_beside", lambda panel, gap, one, ns: holds and one in ns)
+    found, sure = naming._steadier(SimpleNamespace(panel=None, survey=None), None, named, named[1:])
+    assert [one.effect for one in sure] == (constant[::-1] if holds else constant[:1])
+    assert [one.effect for one in found] == [forms[2 if holds else 0].effect, forms[1].effect]
 
 
 def hunts(t, q, dq):
