@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from abc import ABC, abstractmethod
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import TYPE_CHECKING, ClassVar
@@ -53,16 +53,6 @@ class Shape:
     def value(self, place: float) -> float:
         """The value at a place of that scale."""
         return math.exp(place) if self.log else place
-
-
-def is_start(shapes: Sequence[Shape], values: FloatArray) -> bool:
-    """Whether a search may begin with these values (k,) of some shape parameters.
-
-    Args:
-        shapes: the parameters.
-        values: of each.
-    """
-    return all(value in shape.starts for shape, value in zip(shapes, values.tolist(), strict=True))
 
 
 @dataclass(frozen=True)
@@ -374,22 +364,6 @@ class Effect(ABC):
                 sides.append(self.columns(context, moved, self.start()))
             derivatives.append((sides[0] - sides[1]) / (2 * step))
         return np.array(derivatives)
-
-
-@dataclass(frozen=True)
-class ToldAtLargest(Effect):
-    """An effect of one joint whose size is told at the largest force, where it is largest.
-
-    Attributes:
-        largest: largest force that the model gives on the logs, in its force unit.
-    """
-
-    largest: float = 1.0
-
-    @classmethod
-    def candidates(cls, survey: Survey, joint: int | None) -> list[Effect]:
-        """Try it against the largest force seen."""
-        return [] if joint is None else [cls(joint, float(survey.largest[joint]))]
 
 
 @dataclass(frozen=True, eq=False)

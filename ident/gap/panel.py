@@ -12,7 +12,7 @@ import numpy.typing as npt
 from scipy.ndimage import binary_dilation
 
 from ident.arrays import BoolArray, FloatArray, IntArray
-from ident.effects.base import Context, Effect, is_start
+from ident.effects.base import Context, Effect
 from ident.effects.direction import DirectedEffect
 from ident.gap.cut_away import cut_away, filtered_again
 from ident.gap.folds import log_numbers
@@ -94,7 +94,7 @@ class Panel:
         Those without shape are kept, being asked often, and those where the search for one begins that must see the
         rows between: they are dear.
         """
-        dear = self._seen_in_rows(effect) is None and is_start(effect.shapes, shape)
+        dear = self._seen_in_rows(effect) is None and _is_start(effect, shape)
         if (len(effect.shapes) > 0 and not dear) or not _hashable(effect):
             return self._columns(effect, shape)
         key = effect, *shape.tolist()
@@ -220,6 +220,11 @@ class Panel:
         """Numbers of the rows looked at with which each block begins."""
         counts = [len(rows) for rows in self.rows]
         return np.concatenate([[0], np.cumsum(counts)[:-1]]).astype(np.int64)
+
+
+def _is_start(effect: Effect, shape: FloatArray) -> bool:
+    """Whether the search for an effect may begin at a shape."""
+    return all(value in parameter.starts for parameter, value in zip(effect.shapes, shape.tolist(), strict=True))
 
 
 def _hashable(effect: Effect) -> bool:
