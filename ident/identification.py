@@ -10,6 +10,7 @@ from typing import Any
 from threadpoolctl import threadpool_limits
 
 from ident.cautions import gain_warnings, sign_warnings, still_warnings
+from ident.current_unit import check_unit
 from ident.drive_gain import GainEstimate
 from ident.effects import load_catalogue
 from ident.effects.base import Effect, Survey
@@ -129,7 +130,8 @@ def identify(
         progress: told what is being done and the share of it that is done.
 
     Raises:
-        InputError: no log, a log too short, a name that is no effect, or gains that the card does not know.
+        InputError: no log, a log too short, in another unit than others, a name that is no effect, or gains that the
+            card does not know.
     """
     # The matrices are narrow: BLAS threads would only wait for one another.
     with threadpool_limits(1, "blas"):
@@ -170,6 +172,7 @@ def _identify(
         rests = rests.without([e.joint for e in used if e.family == "hysteresis" and e.joint is not None])
     found = fit(robot, used, train, hertz, drives, robust, lambda share: tell("fitting", share), counts=rests.counts)
     model = replace(found.model, positions_only=seen.model.positions_only)
+    check_unit(model, train, learnt=True)
     feasible, trouble = _feasible(robot, found, start.gains)
     warnings = [
         *sign_warnings(model, start.held),

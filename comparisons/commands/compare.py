@@ -98,11 +98,17 @@ def _compared(
     from comparisons.comparison.workshop import Workshop
     from comparisons.progress import show_progress
     from comparisons.report.comparison import comparison_report
+    from ident.current_unit import check_unit
+    from ident.model import CurrentModel
     from ident.readers import open_logs
 
     train, test, models = paths
     given = load_models(models, robot)
-    learn, tests = open_logs(train, robot), HeldOut.of(open_logs(test, robot))
+    learn, held_out = open_logs(train, robot), open_logs(test, robot)
+    for model in given.values():
+        if isinstance(model, CurrentModel):
+            check_unit(model, held_out)
+    tests = HeldOut.of(held_out)
     with tempfile.TemporaryDirectory() as scratch, show_progress() as progress:
         workshop = Workshop(work, robot, learn, progress, output.directory / MODELS if resume else None)
         comparison = run_comparison(Entrants(request, workshop, given), tests, Kept(Path(scratch)), progress)

@@ -72,6 +72,7 @@ def identify_into(
     from comparisons.report.identification import identification_report
     from comparisons.report.provenance import provenance
     from ident.cautions import reach_warnings
+    from ident.current_unit import check_unit
     from ident.gap.evidence import evidence
     from ident.identification import PayloadLogs
     from ident.identification import identify as identify_model
@@ -89,6 +90,7 @@ def identify_into(
     with show_progress() as progress:
         found = identify_model(loaded, logs, progress=progress, **options)
         progress("predicting", 0.0)
+        check_unit(found.model, held_out)
         errors = {"train": errors_on(found.model, logs, False, found.cutoff.hertz)}
         if held_out:
             errors["test"] = write_predictions(found.model, held_out, output.path, False, found.cutoff.hertz)

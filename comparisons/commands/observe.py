@@ -93,12 +93,14 @@ def _estimator(
     method: str, folder: Path, robot: Robot, logs: list[JointLog], bandwidth: float
 ) -> tuple[ResidualEstimator, float]:
     """Load the model, identified or learned, and put the estimator on it; with its motion filter's cut-off [Hz]."""
+    from ident.current_unit import check_unit
     from ident.errors import InputError
     from ident.model_file import load_model
     from observers.methods import make_estimator
 
     if not (folder / "weights.npz").is_file():
         model = load_model(folder, robot)
+        check_unit(model, logs)
         return make_estimator(method, model, logs, bandwidth), model.cutoff
     if method != "direct":
         what = f"{method} needs the links' parameters, and a network has none"

@@ -9,6 +9,7 @@ import numpy as np
 from threadpoolctl import threadpool_limits
 
 from ident.arrays import BoolArray
+from ident.current_unit import check_unit
 from ident.errors import InputError
 from ident.gap.abstain import explainable
 from ident.gap.belief import WORTH_SAYING
@@ -52,7 +53,7 @@ def find_gap(
             would separate names that the logs leave open; without any, findings only say it in words.
 
     Raises:
-        InputError: no log, or logs too short.
+        InputError: no log, logs too short, or with currents in another unit than the model's.
     """
     if not train:
         raise InputError("no log to look at", "--train", "give at least one log")
@@ -69,10 +70,13 @@ def _find_gap(
     motions: Mapping[str, JointLog],
 ) -> GapReport:
     tell("reading logs", 0.0)
+    given = train
     train, clock = on_one_clock(model, train)
     lag = new_lag(model, train, refit)
     subject = Subject(model if lag is None else replace(model, positions_only=True), train, refit, clock)
     subject.look()
+    check_unit(subject.model, given, learnt=refit)
+    check_unit(subject.model, test)
     start = subject.model
     if lag is not None:
         logged = replace(subject.model, positions_only=False)
