@@ -168,7 +168,8 @@ class Survey:
         largest: largest force (n,) that a model of the logs gives, in its force unit.
         per_newton_metre: force units per N m of each joint, (n,).
         since: earliest time stamp [s].
-        logged: share of the time between that and the last that the logs cover.
+        lasts: seconds from that to the last.
+        logged: share of these that the logs cover.
         begins: time stamp [s] at which each log begins, of logs whose clocks began anew: whether heat and drift go on
             from one to the next is not known; none where one clock has stamped them all.
         rate: sampling rate [Hz].
@@ -190,6 +191,7 @@ class Survey:
     largest: FloatArray
     per_newton_metre: FloatArray
     since: float
+    lasts: float
     logged: float
     begins: tuple[float, ...]
     rate: float

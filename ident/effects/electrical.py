@@ -125,11 +125,13 @@ class SensorDrift(Effect):
         since: time stamp [s] at which the drift counts as nought.
         begins: time stamp [s] at which each log begins, where it does so in each instead.
         settles: whether it comes to an end, by an exponential.
+        over: seconds over which the rate of one that settles is the mean; nought: the rate at the start.
     """
 
     since: float = 0.0
     begins: tuple[float, ...] = ()
     settles: bool = False
+    over: float = 0.0
 
     name = "sensor-drift"
     family = "electrical"
@@ -144,8 +146,8 @@ class SensorDrift(Effect):
         return [cls(joint, survey.since, begins) for begins in dict.fromkeys(((), survey.begins))]
 
     def fuller(self, survey: Survey) -> list[Effect]:
-        """Return one that settles."""
-        return [] if self.settles else [replace(self, settles=True)]
+        """Return one that settles, whose rate is the mean over the logs."""
+        return [] if self.settles else [replace(self, settles=True, over=survey.lasts / max(len(self.begins), 1))]
 
     @property
     def shapes(self) -> tuple[Shape, ...]:
@@ -153,14 +155,16 @@ class SensorDrift(Effect):
         return (Shape("seconds", "s", 5.0, 3000.0, (60.0,)),) if self.settles else ()
 
     def coefficients(self, robot: Robot) -> tuple[Coefficient, ...]:
-        """Return the drift in an hour, at the start."""
+        """Return the drift in an hour."""
         return (Coefficient("per_hour", "{current}/h"),)
 
     def columns(self, context: Context, shape: FloatArray, memory: FloatArray) -> FloatArray:
-        """Return the hours since the start or, where it settles, what they come to."""
+        """Return the hours since the start or, where it settles, what they come to at that rate."""
         seconds = elapsed(context.motion.t, self.since, self.begins)
         if self.settles:
             seconds = -shape[0] * np.expm1(-seconds / shape[0])
+            if self.over > 0.0:
+                seconds *= -(self.over / shape[0]) / np.expm1(-self.over / shape[0])
         return (seconds / 3600.0)[:, None]
 
 

@@ -72,6 +72,7 @@ def survey_of(model: CurrentModel, panel: Panel, begins: tuple[float, ...] = ())
         largest=np.abs(panel.seen("total")).max(axis=0),
         per_newton_metre=_per_newton_metre(model, panel, nominal),
         since=since,
+        lasts=last - since,
         logged=min(sum(end - start for start, end in stamps) / max(last - since, 1e-9), 1.0),
         begins=begins,
         rate=model.rate,

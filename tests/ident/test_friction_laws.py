@@ -191,6 +191,14 @@ def test_a_drift_that_settles_is_a_steady_one_at_first_and_then_ends():
     assert columns[2] == pytest.approx(20.0 / 3600.0)
 
 
+def test_the_rate_of_a_drift_that_settles_is_its_mean_over_the_logs():
+    motion = Motion(np.array([100.0, 160.0]), *np.zeros((3, 2, 1)))
+    for seconds in (5.0, 20.0, 3000.0):
+        drift = SensorDrift(0, since=100.0, settles=True, over=60.0)
+        columns = drift.columns(Context(None, motion), np.array([seconds]), np.zeros(0))[:, 0]
+        np.testing.assert_allclose(columns, [0.0, 60.0 / 3600.0])
+
+
 @pytest.mark.parametrize("side", [1, -1])
 def test_hysteresis_that_two_joints_drive_brakes_this_one(context, side):
     form, shape = CrossJointHysteresis(4, 5, side), np.array([2e-2, 1.5])
