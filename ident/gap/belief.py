@@ -185,7 +185,7 @@ def _uneven(panel: Panel, problem: JointProblem, joint: int, squares: FloatArray
 
 
 def _remembered(panel: Panel, problem: JointProblem) -> float:
-    return remembered(problem.residual, starts_of(panel, problem), panel.step)
+    return remembered(problem.residual, starts_of(panel, problem), panel.step, panel.model.cutoff)
 
 
 def _wandering(panel: Panel, problem: JointProblem) -> float:

@@ -11,14 +11,17 @@ from numpy.lib.stride_tricks import sliding_window_view
 from ident.arrays import FloatArray, IntArray
 from ident.gap.abstain import FOLDS, STRETCH
 
-NEAREST, FARTHEST, WIDTH = 0.2, 0.8, 0.1
-"""Seconds from a row to the nearest and to the farthest of its neighbours, and over which they are averaged.
+NEAREST, REACH, WIDTH = 0.2, 0.6, 0.1
+"""Seconds from a row to the nearest of its neighbours, from that to the farthest, and over which they are averaged.
 
 Beyond the first, noise that a drive's filters have smoothed is forgotten, and so is what a baseline errs in reversals.
 """
 
+PERIODS = 1.1
+"""Periods of the cut-off of a slower filter that the nearest neighbours are away: it smears a reversal as far."""
 
-def remembered(residual: FloatArray, starts: IntArray, step: float) -> float:
+
+def remembered(residual: FloatArray, starts: IntArray, step: float, cutoff: float = np.inf) -> float:
     """Share of the squared residual that its own neighbours in time predict, on stretches held out.
 
     Noise predicts nothing; what has a cause lasts, though the cause be one that no signal shows. The prediction is
@@ -28,10 +31,13 @@ def remembered(residual: FloatArray, starts: IntArray, step: float) -> float:
         residual: what is left in the rows (N,).
         starts: numbers of the rows with which each stretch begins.
         step: seconds from row to row; where none is as near as that and no nearer, nothing is told.
+        cutoff: of the filter [Hz] that derives velocities.
     """
+    nearest = max(NEAREST, PERIODS / cutoff)
+    farthest = nearest + REACH
     width = max(1, round(WIDTH / step))
     # A hair's breadth, since .2 / .01 is more than 20.
-    offsets = np.arange(math.ceil(NEAREST / step - 1e-6), math.floor(FARTHEST / step + 1e-6) - width + 2, width)
+    offsets = np.arange(math.ceil(nearest / step - 1e-6), math.floor(farthest / step + 1e-6) - width + 2, width)
     squares = float(residual @ residual)
     if len(offsets) == 0 or squares == 0.0:
         return 0.0

@@ -15,7 +15,7 @@ from ident.gap.problem import JointProblem
 from ident.gap.spectrum import spectral_line
 from ident.gap.wander import wandering
 from ident.log import JointLog
-from ident.signals import derive
+from ident.signals import derive, zero_phase
 
 
 def test_what_fits_the_rests_alone_does_not_agree():
@@ -97,6 +97,15 @@ def test_what_a_residual_remembers_is_told_from_noise_of_short_memory():
     assert remembered(smoothed[::15], starts // 15, 0.15) < 0.02
     assert remembered(noise + lasting, starts, 1.0) == 0.0
     assert remembered(np.zeros(18_000), starts, 0.01) == 0.0
+
+
+def test_what_a_slow_filter_smears_is_not_remembered():
+    velocity = zero_phase(np.random.default_rng(5).standard_normal((30_000, 1)), 50.0, 0.5)
+    friction = np.tanh(velocity / (0.03 * velocity.std()))
+    smeared = (friction - zero_phase(friction, 50.0, 4.4))[:, 0]
+    assert remembered(smeared, np.array([0]), 0.02) > 0.01
+    assert remembered(smeared, np.array([0]), 0.02, 4.4) < 0.004
+
 
 
 def test_a_wandering_offset_is_told_from_noise():
