@@ -373,5 +373,7 @@ def _(s: Scene, j: int, a: float, rng: np.random.Generator) -> tuple[FloatArray,
     rows, step = np.arange(len(s.t)), float(np.median(np.diff(s.t)))
     fine = CubicSpline(rows, s.known)(np.arange(10 * len(rows) - 9) / 10.0)
     pole = np.exp(-2.0 * np.pi * hertz * step / 10.0)
-    late = lfilter([1.0 - pole], [1.0, -pole], fine, axis=0, zi=pole * fine[:1])[0][::10]
+    # It filters the mean of a period: the newest sample alone would come half a period early.
+    taps = np.full(2, 0.5 * (1.0 - pole))
+    late = lfilter(taps, [1.0, -pole], fine, axis=0, zi=0.5 * (1.0 + pole) * fine[:1])[0][::10]
     return late - s.known, {"hertz": hertz}
