@@ -4,7 +4,7 @@ PYTHON ?= $(shell for python in python3.13 python3.12 python3.11 python3; do \
 	"$$python" -c 'import sys; sys.exit(sys.version_info < (3, 11))' 2>/dev/null && echo "$$python" && break; done)
 VENV := .venv
 BIN := $(VENV)/bin
-PIP_INSTALL := $(BIN)/python -m pip install --quiet --disable-pip-version-check --no-compile -c constraints.txt
+PIP_INSTALL := PYTHONWARNINGS=ignore $(BIN)/python -m pip install --quiet --disable-pip-version-check --no-compile -c constraints.txt
 # Parallel tests share the cores among processes; a pool of threads in each would only fight for them.
 TEST_PROCESSES ?= 2
 SINGLE_THREADED := OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 MKL_NUM_THREADS=1 NUMBA_NUM_THREADS=1
@@ -41,6 +41,7 @@ setup: $(VENV)/.installed
 clean:
 	rm -rf $(VENV) docs/_build .mypy_cache .ruff_cache .pytest_cache
 
+# The pip that comes with a Python may be years old, and takes twice as long to find out what is needed.
 # Debian keeps ensurepip in a package of its own; where it is missing, the interpreter's own pip fills the new environment.
 $(BIN)/python:
 	@test -n "$(PYTHON)" || { echo "error: no Python 3.11 or newer, on the PATH, install one or call make PYTHON=..." >&2; exit 1; }
@@ -48,6 +49,7 @@ $(BIN)/python:
 	elif "$(PYTHON)" -m pip --version >/dev/null 2>&1; then \
 		"$(PYTHON)" -m venv --without-pip $(VENV) && "$(PYTHON)" -m pip --python $(BIN)/python install --quiet pip; \
 	else echo "error: $(PYTHON) has neither ensurepip nor pip, on this machine, install the package python3-venv" >&2; exit 1; fi
+	@$(PIP_INSTALL) --upgrade pip
 
 $(VENV)/.installed: pyproject.toml constraints.txt | $(BIN)/python
 	$(PIP_INSTALL) -e ".[learned,test,check]"
