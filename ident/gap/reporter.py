@@ -141,13 +141,14 @@ class Reporter:
         return findings, [model if k == len(gains) else self.subject.fitted(plain, gains[:k]) for k in steps]
 
     def _warnings(self, findings: Sequence[Finding]) -> tuple[str, ...]:
-        """What the user should look at: joints that stand still, flipped signs, test logs that go further, clocks."""
+        """What the user should look at: joints that stand still, flipped signs, logs that go further, clocks, nil."""
         model, held = self.subject.model, self.subject.panel.blocks
         return (
             *sign_warnings(self.start.model, held),
             *still_warnings(model.robot, still_joints(held)),
             *reach_warnings(model.robot, self.subject.train, self.test, model.cutoff),
             *clock_warnings(self.subject.clock, [finding.effect for finding in findings]),
+            *nil_warnings(findings),
         )
 
     def _whole_finding(self, whole: Whole, gap: JointGap, named: Sequence[Named]) -> Finding:
@@ -216,6 +217,17 @@ def _delivered(findings: Sequence[Finding], model: CurrentModel, before: int) ->
             finding = replace(finding, terms=(term,), parameters=figures)
         found.append(finding)
     return found
+
+
+def nil_warnings(findings: Sequence[Finding]) -> list[str]:
+    """Say of which findings the model delivered has nothing, since rows that are left out of the search deny them."""
+    nil = [f for f in findings if f.terms and not any(term.coefficients.any() for term in f.terms)]
+    places = [f"Joint {one.joints[0] + 1}" if one.joints else "Whole robot" for one in nil]
+    return [
+        f"{place}: {one.effect} shows in rows whose sign of velocity is sure, and comes to nothing in the model, "
+        "which is fitted to all rows: log positions with less noise."
+        for place, one in zip(places, nil, strict=True)
+    ]
 
 
 def _settling(experiments: Mapping[str, Experiment | None]) -> dict[str, str]:

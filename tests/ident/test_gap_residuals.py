@@ -107,7 +107,6 @@ def test_what_a_slow_filter_smears_is_not_remembered():
     assert remembered(smeared, np.array([0]), 0.02, 4.4) < 0.004
 
 
-
 def test_a_wandering_offset_is_told_from_noise():
     rng = np.random.default_rng(6)
     noise = rng.standard_normal(6000)

@@ -1,10 +1,15 @@
 """What the noise of a velocity may be, told from the log alone."""
 
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
+from ident.effects.base import Term
+from ident.effects.electrical import TorqueSaturation
+from ident.gap.report import Finding
+from ident.gap.reporter import nil_warnings
 from ident.gap.unsure import velocity_noise
 from ident.log import JointLog
 from ident.walk import collect
@@ -30,3 +35,15 @@ def test_counts_that_come_slowly_are_noise_of_the_velocity():
         assert np.sqrt(np.mean(noise[rows] ** 2)) == pytest.approx(np.sqrt(np.mean(error[rows] ** 2)), rel=0.7)
     resting = (t > 0.5) & (t < 2.5)
     assert noise[resting].max() < 1e-6
+
+
+def test_a_finding_that_rows_left_out_deny_is_said_to_come_to_nothing():
+    def found(excess):
+        terms = (Term(TorqueSaturation(5), np.array([2.0]), np.array([excess])),)
+        return Finding("torque-saturation", "electrical", (5,), {}, 1e-6, (), None, terms, 0.4)
+
+    assert nil_warnings([found(0.2), replace(found(0.0), terms=())]) == []
+    (said,) = nil_warnings([found(0.2), found(0.0)])
+    assert said.startswith(
+        "Joint 6: torque-saturation shows in rows whose sign of velocity is sure, and comes to nothing"
+    )
