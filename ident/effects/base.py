@@ -218,6 +218,7 @@ class Effect(ABC):
         replaces: names of effects that it contains as a limit, and that leave a joint's model when it comes in.
         contains: names of effects that it has as a limit; where they are missing, they are named before it.
         besides: how many of its columns, the last ones, come with its law and alone are not it.
+        leads: whether it is its law only where the first of its columns has a share.
         rivals: names of effects that it is easily taken for.
         kind: what it shares with effects that, together, could be any law; a joint is given one of a kind.
         excitation: what the motion must contain for the effect to show.
@@ -230,6 +231,7 @@ class Effect(ABC):
     replaces: ClassVar[tuple[str, ...]] = ()
     contains: ClassVar[tuple[str, ...]] = ()
     besides: ClassVar[int] = 0
+    leads: ClassVar[bool] = False
     rivals: ClassVar[tuple[str, ...]] = ()
     kind: ClassVar[str] = ""
     excitation: ClassVar[str] = "motion of the joint"

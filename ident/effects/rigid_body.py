@@ -97,6 +97,7 @@ class CableSpring(Effect):
     name = "cable-spring"
     family = "rigid-body"
     kind = "spring"
+    leads = True  # what grows with the cube alone is met, as a stop is
     rivals = ("gravity-balancer", "gear-ripple")
     excitation = "the joint's whole range, with the other joints in several poses"
 

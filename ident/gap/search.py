@@ -13,7 +13,7 @@ from ident.arrays import FloatArray
 from ident.effects.base import Effect, Survey
 from ident.gap.abstain import explainable
 from ident.gap.agreement import AGREES, Predicted, agrees, agrees_at_any_pace
-from ident.gap.candidates import Trial, admissible, best_trials, force_of, forms
+from ident.gap.candidates import Trial, admissible, best_trials, coefficients, force_of, forms
 from ident.gap.gate import MOVING, Gate
 from ident.gap.joint_gap import JointGap, Named, classes_of, gate_of, nested_errors
 from ident.gap.panel import Panel
@@ -133,6 +133,8 @@ class Beside:
 
     def _is_itself(self, panel: Panel, trial: Trial, columns: FloatArray) -> bool:
         """Whether what explains the joint is more than what comes with the law: damping alone is no dry friction."""
+        if trial.effect.leads and coefficients(panel, self.problem, trial, self.joint)[0] == 0.0:
+            return False
         besides = trial.effect.besides
         if besides == 0:
             return True
