@@ -81,9 +81,7 @@ def nameless(one: Unexplained) -> str:
 
 def sentence(found: GapReport, finding: Finding) -> str:
     """Say a finding in one sentence, with its main figures and the gap before and after on the test logs."""
-    where = f"Joint {finding.joints[0] + 1}" if len(finding.joints) == 1 else "Whole robot"
-    if len(finding.joints) > 1:
-        where = "Joints " + ", ".join(str(j + 1) for j in finding.joints)
+    where = finding.where
     measured = finding.terms[0].effect.measured_on if finding.terms else None
     angle = "rad" if measured is None else found.model.robot.displacement_unit(measured)
     figures = ", ".join(

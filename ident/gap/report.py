@@ -49,6 +49,12 @@ class Finding:
     control: float | None = None
     motions: Mapping[str, str] = field(default_factory=dict)
 
+    @property
+    def where(self) -> str:
+        """The joints in words, counted from 1."""
+        numbers = ", ".join(str(j + 1) for j in self.joints)
+        return f"Joint{'s' if len(self.joints) > 1 else ''} {numbers}" if numbers else "Whole robot"
+
 
 @dataclass(frozen=True)
 class Unexplained:

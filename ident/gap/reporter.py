@@ -222,11 +222,10 @@ def _delivered(findings: Sequence[Finding], model: CurrentModel, before: int) ->
 def nil_warnings(findings: Sequence[Finding]) -> list[str]:
     """Say of which findings the model delivered has nothing, since rows that are left out of the search deny them."""
     nil = [f for f in findings if f.terms and not any(term.coefficients.any() for term in f.terms)]
-    places = [f"Joint {one.joints[0] + 1}" if one.joints else "Whole robot" for one in nil]
     return [
-        f"{place}: {one.effect} shows in rows whose sign of velocity is sure, and comes to nothing in the model, "
+        f"{one.where}: {one.effect} shows in rows whose sign of velocity is sure, and comes to nothing in the model, "
         "which is fitted to all rows: log positions with less noise."
-        for place, one in zip(places, nil, strict=True)
+        for one in nil
     ]
 
 
