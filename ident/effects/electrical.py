@@ -162,10 +162,15 @@ class SensorDrift(Effect):
         """Return the hours since the start or, where it settles, what they come to at that rate."""
         seconds = elapsed(context.motion.t, self.since, self.begins)
         if self.settles:
-            seconds = -shape[0] * np.expm1(-seconds / shape[0])
+            seconds = _settled(seconds, shape[0])
             if self.over > 0.0:
-                seconds *= -(self.over / shape[0]) / np.expm1(-self.over / shape[0])
+                seconds *= self.over / _settled(np.array(self.over), shape[0])
         return (seconds / 3600.0)[:, None]
+
+
+def _settled(seconds: FloatArray, after: float) -> FloatArray:
+    """What seconds come to, at the rate of the start, of a drift of which all but 1/e is over after some."""
+    return -after * np.expm1(-seconds / after)
 
 
 @dataclass(frozen=True)
