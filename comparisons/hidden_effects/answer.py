@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from comparisons.hidden_effects.cases import Case, Made
+from comparisons.hidden_effects.identifiability import SURE
 from comparisons.hidden_effects.laws import FOREIGN
 from ident.arrays import FloatArray
 
@@ -22,12 +23,16 @@ Joints = tuple[int, ...]
 
 @dataclass(frozen=True)
 class Secret:
-    """One hidden effect: its name, its joints, its severity, and its true parameters by the contract's keys."""
+    """One hidden effect: its name, its joints, its severity, and its true parameters by the contract's keys.
+
+    ``margin`` is the log-likelihood by which the logs tell it from its rivals; None where it has none, or is not alone.
+    """
 
     effect: str
     joints: Joints
     severity: float
     parameters: Mapping[str, float]
+    margin: float | None = None
 
     @property
     def foreign(self) -> bool:
@@ -71,6 +76,11 @@ class Truth:
         share = np.array(self.noise) / np.array(self.known)
         mean = float(np.sqrt(np.mean(share**2)))
         return min((s.severity * (float(share[s.joints[0]]) if s.joints else mean) for s in self.secrets), default=None)
+
+    @property
+    def told_apart(self) -> bool:
+        """Whether the logs tell every effect that it hides from its rivals, as far as that is known."""
+        return all(s.margin is None or s.margin >= SURE for s in self.secrets)
 
 
 @dataclass(frozen=True)
@@ -135,10 +145,19 @@ def _number(value: float | None) -> float:
     return math.nan if value is None else value
 
 
-def truth_of(case: Case, made: Made, kind: str, name: str, known: FloatArray) -> Truth:
-    """Return what a case of the virtual robot hides; ``known`` is the error (n,) with its laws known."""
+def truth_of(case: Case, made: Made, kind: str, name: str, known: FloatArray, margin: float | None = None) -> Truth:
+    """Return what a case of the virtual robot hides.
+
+    Args:
+        case: the case.
+        made: its logs.
+        kind: the set that it belongs to.
+        name: its name, unique in a run.
+        known: the error (n,) with its laws known.
+        margin: log-likelihood by which the logs tell the one effect that it hides from its rivals, where it is known.
+    """
     secrets = tuple(
-        Secret(h.effect, () if h.joint is None else (h.joint,), h.severity, plain_figures(figures))
+        Secret(h.effect, () if h.joint is None else (h.joint,), h.severity, plain_figures(figures), margin)
         for h, figures in zip(case.hidden, made.parameters, strict=True)
     )
     return Truth(name, case.robot, kind, secrets, tuple(made.noise.tolist()), tuple(known.tolist()))
@@ -146,7 +165,9 @@ def truth_of(case: Case, made: Made, kind: str, name: str, known: FloatArray) ->
 
 def truth_from(values: Mapping[str, Any]) -> Truth:
     """Read the truth that ``dataclasses.asdict`` wrote."""
-    secrets = tuple(Secret(s["effect"], tuple(s["joints"]), s["severity"], s["parameters"]) for s in values["secrets"])
+    secrets = tuple(
+        Secret(s["effect"], tuple(s["joints"]), s["severity"], s["parameters"], s.get("margin")) for s in values["secrets"]
+    )
     return Truth(
         values["name"], values["robot"], values["kind"], secrets, tuple(values["noise"]), tuple(values["known"]),
         values["exact_noise"],

@@ -9,6 +9,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from comparisons.hidden_effects.answer import Truth, truth_from
+from comparisons.hidden_effects.identifiability import SURE
 from comparisons.hidden_effects.rates import Score
 from comparisons.hidden_effects.scoring import Judged, calibration, confusion, curves, table
 from comparisons.hidden_effects.work import judged
@@ -20,7 +22,8 @@ ENOUGH = 1.0
 """Least severity in the table."""
 
 CLEAR = 0.8
-"""Least clarity of effects that count as identifiable; at severity 1 the baseline then errs by 1.25 times the noise."""
+"""Least clarity of effects that count as identifiable, if the logs tell them from their rivals, too; at severity 1 the
+baseline then errs by 1.25 times the noise."""
 
 TARGETS = {
     "first name right": ">= 95 %",
@@ -51,6 +54,7 @@ def results(records: Sequence[Mapping[str, Any]], methods: Sequence[str]) -> dic
     found: dict[str, Any] = {
         "cases": sum(r["truth"] is not None for r in records),
         "cases_not_made": [r["name"] for r in records if r["truth"] is None],
+        "not_told_apart": _not_told_apart(records),
         "methods": {},
     }
     for method in methods:
@@ -59,7 +63,7 @@ def results(records: Sequence[Mapping[str, Any]], methods: Sequence[str]) -> dic
         weak = [j for j in asked if j.truth.severity is not None and j.truth.severity < ENOUGH]
         found["methods"][method] = {
             "table": _scores(table(strong)),
-            "identifiable": _scores(table([j for j in strong if j.truth.clarity is None or j.truth.clarity >= CLEAR])),
+            "identifiable": _scores(table([j for j in strong if _identifiable(j.truth)])),
             "weak": _scores(table(weak)),
             "curves": {row: _scores(scores) for row, scores in curves(asked).items()},
             "calibration": {what: _scores(scores) for what, scores in calibration(asked).items()},
@@ -69,6 +73,11 @@ def results(records: Sequence[Mapping[str, Any]], methods: Sequence[str]) -> dic
             "wrong": wrong(strong),
         }
     return found
+
+
+def _identifiable(truth: Truth) -> bool:
+    """Whether what a case hides, if anything, is clear, and told from its rivals by the logs."""
+    return truth.clarity is None or (truth.clarity >= CLEAR and truth.told_apart)
 
 
 def wrong(cases: Sequence[Judged]) -> list[str]:
@@ -102,10 +111,14 @@ def page(found: Mapping[str, Any]) -> str:
     ]
     lines += [
         "",
-        f"The same where the effect is at least {CLEAR:g} of what the baseline leaves with it taken away:",
+        f"The same where the effect is at least {CLEAR:g} of what the baseline leaves with it taken away, and its own "
+        f"law is nearer to it than its rivals' by {SURE:g} in log-likelihood, were it known without noise:",
         "",
         *_table(found["methods"], "identifiable"),
     ]
+    if found["not_told_apart"]:
+        listed = ", ".join(f"{name} ({value:.1f})" for name, value in found["not_told_apart"].items())
+        lines += ["", f"Not told from a rival by so much: {listed}."]
     if any(of["weak"] for of in found["methods"].values()):
         lines += ["", f"Severity below {ENOUGH:g}:", "", *_table(found["methods"], "weak")]
     for method, of in found["methods"].items():
@@ -137,6 +150,12 @@ def plots(found: Mapping[str, Any], folder: Path) -> list[Path]:
             if of["confusion"]:
                 drawn.append(_plot_confusion(method, of["confusion"], folder / "confusion.svg"))
     return drawn
+
+
+def _not_told_apart(records: Sequence[Mapping[str, Any]]) -> dict[str, float]:
+    """Cases whose logs do not tell what is hidden from its rivals, each with the log-likelihood by which they would."""
+    truths = [truth_from(r["truth"]) for r in records if r["truth"] is not None]
+    return {t.name: min(s.margin for s in t.secrets if s.margin is not None) for t in truths if not t.told_apart}
 
 
 def _scores(scores: Mapping[Any, Score]) -> dict[str, dict[str, Any]]:

@@ -1,0 +1,120 @@
+"""Which hidden effects can be told from others at all: how much nearer their own law is to them than its rivals are."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ident.arrays import FloatArray
+from ident.effects import load_catalogue
+from ident.effects.base import Effect, Survey
+from ident.gap.candidates import forms, grid, lower_bounds
+from ident.gap.climb import climb
+from ident.gap.panel import Panel
+from ident.gap.problem import Beyond, JointProblem
+from ident.gap.rows import gap_of, held_of, panel_of, survey_of
+
+if TYPE_CHECKING:
+    from comparisons.hidden_effects.cases import Hidden, Made
+    from ident.model import CurrentModel
+
+ROWS = 4000
+"""Rows of a case's logs that laws are compared on."""
+
+SURE = 11.0
+"""Log-likelihood by which the true law must be ahead of its rivals: with twice that as variance of the difference, as
+white noise makes it, the wrong one is the likelier in one case of a hundred."""
+
+
+def margin(model: CurrentModel, refit: bool, made: Made, hidden: Hidden) -> float | None:
+    """Log-likelihood by which the logs of a case, with their noise but once known, tell an effect from its rivals.
+
+    What is hidden is known exactly: it is the difference of the logs with and without it. The catalogue's law of that
+    name and those that are known to be taken for it are each fitted to it, with the model's own columns beside them.
+    What the nearest rival leaves of it, less what its own law leaves, is held against the noise.
+
+    Args:
+        model: the model before.
+        refit: whether its own parameters are fitted again with the effect.
+        made: the case's logs.
+        hidden: the effect.
+
+    Returns:
+        Negative where a rival is nearer to what is hidden than the law of its own name; None of an effect that the
+        catalogue does not have, or that has no rivals.
+    """
+    catalogue = load_catalogue()
+    own = catalogue.get(hidden.effect)
+    if own is None:
+        return None
+    rivals = {name for name, entry in catalogue.items() if name in own.rivals or own.name in entry.rivals}
+    sight = _Sight.of(model, refit, made)
+    present = [term.effect for term in model.terms] if refit else []
+    left: dict[str, float] = {}
+    for joint in dict.fromkeys((hidden.joint, None)):
+        for effect in forms(sight.survey, joint, present):
+            if effect.name in rivals or (effect.name == own.name and joint == hidden.joint):
+                left[effect.name] = min(left.get(effect.name, np.inf), sight.left(effect))
+    nearest = min((left[name] for name in rivals if name in left), default=None)
+    return None if nearest is None or own.name not in left else nearest - left[own.name]
+
+
+@dataclass(frozen=True, eq=False)
+class _Sight:
+    """What logs show of what is hidden in them.
+
+    Attributes:
+        panel, survey: rows of the logs, and facts about them.
+        problems: every joint's regression, whose target is the hidden force.
+        weights: square roots (n,) of the samples that a row stands for, over the noise [1 / force unit].
+    """
+
+    panel: Panel
+    survey: Survey
+    problems: Sequence[JointProblem]
+    weights: FloatArray
+
+    @classmethod
+    def of(cls, model: CurrentModel, refit: bool, made: Made) -> _Sight:
+        """The train logs of a case, which differ from its plain ones by the hidden force."""
+        panel = panel_of(model, made.train, ROWS)
+        hidden = panel.force - panel_of(model, made.plain[: len(made.train)], ROWS).force
+        gaps = [(gap_of if refit else held_of)(model, panel, j) for j in range(model.n)]
+        problems = [JointProblem(g.matrix, hidden[:, g.joint], panel.fold, g.keep) for g in gaps]
+        samples = sum(len(log.t) for log in made.train) / len(panel)
+        return cls(panel, survey_of(model, panel), problems, np.sqrt(samples) / (made.noise * model.gain))
+
+    def left(self, effect: Effect) -> float:
+        """Log-likelihood that is missing where an effect, at its best shape, stands for what is hidden."""
+        target = np.concatenate([w * p.residual for w, p in zip(self.weights, self.problems, strict=True)])
+        lower = lower_bounds(self.panel, effect)
+
+        def explained(shape: FloatArray) -> float:
+            columns, meant = self._columns(effect, shape), effect.plain(shape)
+            if meant is not None:
+                force = columns @ meant
+                return float(2.0 * target @ force - force @ force)
+            size = np.linalg.norm(columns, axis=0)
+            size = np.where(size > 0.0, size, 1.0)
+            beyond = Beyond(columns.T @ columns / np.outer(size, size), columns.T @ target / size, size)
+            return beyond.among(beyond.admissible(lower)).drop
+
+        best = max(((shape, explained(shape)) for shape in grid(effect.shapes)), key=lambda one: one[1])
+        if effect.shapes:
+            best = climb(explained, effect.shapes, [best])
+        return 0.5 * (float(target @ target) - best[1])
+
+    def _columns(self, effect: Effect, shape: FloatArray) -> FloatArray:
+        """An effect's columns (n N, k) in all joints' rows, beyond what the model's own absorb."""
+        every = self.panel.all_columns(effect, shape)
+        parts = []
+        for joint, (weight, problem) in enumerate(zip(self.weights, self.problems, strict=True)):
+            if every.ndim == 2 and effect.acts_on != joint:
+                parts.append(np.zeros((len(problem), every.shape[1])))
+                continue
+            own = problem.of(every[:, joint] if every.ndim == 3 else every)
+            parts.append(weight * problem.away(own))
+        return np.concatenate(parts)
