@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -25,7 +25,8 @@ Joints = tuple[int, ...]
 class Secret:
     """One hidden effect: its name, its joints, its severity, and its true parameters by the contract's keys.
 
-    ``margin`` is the log-likelihood by which the logs tell it from its rivals; None where it has none, or is not alone.
+    ``margin`` is the log-likelihood by which the logs tell it from its rivals; None where it has none, and of measured
+    logs, of which it is not known.
     """
 
     effect: str
@@ -145,7 +146,7 @@ def _number(value: float | None) -> float:
     return math.nan if value is None else value
 
 
-def truth_of(case: Case, made: Made, kind: str, name: str, known: FloatArray, margin: float | None = None) -> Truth:
+def truth_of(case: Case, made: Made, kind: str, name: str, known: FloatArray, margins: Sequence[float | None]) -> Truth:
     """Return what a case of the virtual robot hides.
 
     Args:
@@ -154,11 +155,11 @@ def truth_of(case: Case, made: Made, kind: str, name: str, known: FloatArray, ma
         kind: the set that it belongs to.
         name: its name, unique in a run.
         known: the error (n,) with its laws known.
-        margin: log-likelihood by which the logs tell the one effect that it hides from its rivals, where it is known.
+        margins: log-likelihood by which the logs tell each hidden effect from its rivals; None of one without any.
     """
     secrets = tuple(
         Secret(h.effect, () if h.joint is None else (h.joint,), h.severity, plain_figures(figures), margin)
-        for h, figures in zip(case.hidden, made.parameters, strict=True)
+        for h, figures, margin in zip(case.hidden, made.parameters, margins, strict=True)
     )
     return Truth(name, case.robot, kind, secrets, tuple(made.noise.tolist()), tuple(known.tolist()))
 
@@ -166,7 +167,8 @@ def truth_of(case: Case, made: Made, kind: str, name: str, known: FloatArray, ma
 def truth_from(values: Mapping[str, Any]) -> Truth:
     """Read the truth that ``dataclasses.asdict`` wrote."""
     secrets = tuple(
-        Secret(s["effect"], tuple(s["joints"]), s["severity"], s["parameters"], s.get("margin")) for s in values["secrets"]
+        Secret(s["effect"], tuple(s["joints"]), s["severity"], s["parameters"], s.get("margin"))
+        for s in values["secrets"]
     )
     return Truth(
         values["name"], values["robot"], values["kind"], secrets, tuple(values["noise"]), tuple(values["known"]),

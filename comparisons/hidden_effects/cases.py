@@ -38,6 +38,9 @@ WHOLE_ROBOT = ("payload", "base-tilt", "delay", "filter-lag")
 STANDS = 2e-3
 """A joint that is slower [rad/s] stands."""
 
+SLOW, LASTS = 0.4, 0.08
+"""Share of the current noise's square that is correlated, and over how many seconds; the rest is white."""
+
 CHANGES = ("payload", "drive-gain", "rotor-inertia", "current-offset")
 """Effects that a refitted baseline absorbs: they show against a model that was identified before the change."""
 
@@ -88,7 +91,9 @@ class Made:
         clean: logs of the same robot without the hidden effects, for the model of a case that is a change.
         parameters: true parameters of each hidden effect, by the contract's keys, in units of current.
         noise: standard deviation (n,) of the current noise.
+        correlation: samples that say as much of what is slow as one would of white noise.
         plain: the train and test logs with what is hidden in them taken away.
+        alone: the train logs with only one of the hidden effects in them, for each of these.
     """
 
     robot: Robot
@@ -97,7 +102,9 @@ class Made:
     clean: list[JointLog]
     parameters: list[dict[str, float]]
     noise: FloatArray
+    correlation: float
     plain: list[JointLog]
+    alone: list[list[JointLog]]
 
 
 @cache
@@ -161,16 +168,23 @@ class Maker:
         clean_scenes = [self.scene(self.paths(10 + k)) for k in range(3)] if self.case.changed else []
         noise, strengths = self.measure(scenes[:3])
         forces, parameters = zip(*(self.hidden(s, strengths) for s in scenes), strict=True)
-        logs = [self.log(s, f, noise, k) for k, (s, f) in enumerate(zip(scenes, forces, strict=True))]
+        logs = [self.log(s, f.sum(axis=0), noise, k) for k, (s, f) in enumerate(zip(scenes, forces, strict=True))]
         clean = [self.log(s, np.zeros_like(s.q), noise, 10 + k) for k, s in enumerate(clean_scenes)]
         plain = [self.log(s, np.zeros_like(s.q), noise, k) for k, s in enumerate(scenes)]
-        return Made(self.robot, logs[:3], logs[3:], clean, parameters[0], noise / self.gain, plain)
+        alone = [
+            [self.log(s, f[i], noise, k) for k, (s, f) in enumerate(zip(scenes[:3], forces[:3], strict=True))]
+            for i in range(len(self.case.hidden))
+        ]
+        correlation = 1.0 - SLOW + SLOW * (1.0 + self._pole) / (1.0 - self._pole)
+        return Made(
+            self.robot, logs[:3], logs[3:], clean, parameters[0], noise / self.gain, correlation, plain, alone
+        )  # fmt: skip
 
     def record(self, commanded: JointLog) -> JointLog:
         """Log a commanded motion on the same robot, with the same effects hidden at the same strength."""
         noise, strengths = self.measure([self.scene(self.paths(k)) for k in range(3)])
         scene = self.scene([commanded.q], commanded.rate)
-        return replace(self.log(scene, self.hidden(scene, strengths)[0], noise, 20), name=commanded.name)
+        return replace(self.log(scene, self.hidden(scene, strengths)[0].sum(axis=0), noise, 20), name=commanded.name)
 
     def measure(self, scenes: Sequence[Scene]) -> tuple[FloatArray, list[float]]:
         """Standard deviation of the noise (n,) in force units, and the strength of each hidden effect."""
@@ -179,13 +193,12 @@ class Maker:
         return noise, [self.strength(hidden, scenes, noise) for hidden in self.case.hidden]
 
     def hidden(self, scene: Scene, strengths: Sequence[float]) -> tuple[FloatArray, list[dict[str, float]]]:
-        """Force (N, n) of all hidden effects, and their true parameters."""
-        force, parameters = np.zeros_like(scene.q), []
-        for hidden, strength in zip(self.case.hidden, strengths, strict=True):
-            added, truth = self.effect(hidden, scene, strength)
-            force = force + added
+        """Force (k, N, n) of each hidden effect, and their true parameters."""
+        forces, parameters = np.zeros((len(strengths), *scene.q.shape)), []
+        for k, (hidden, strength) in enumerate(zip(self.case.hidden, strengths, strict=True)):
+            forces[k], truth = self.effect(hidden, scene, strength)
             parameters.append(self.in_current(hidden, truth))
-        return force, parameters
+        return forces, parameters
 
     def effect(self, hidden: Hidden, scene: Scene, strength: float) -> tuple[FloatArray, dict[str, float]]:
         """Force (N, n) of a hidden effect at a strength, and its true parameters."""
@@ -268,13 +281,18 @@ class Maker:
             for (kind, seconds), seed in zip(self.style.pieces, seeds, strict=True)
         ]
 
+    @property
+    def _pole(self) -> float:
+        """Of the slow part of the noise."""
+        return float(np.exp(-1.0 / (self.style.rate * LASTS)))
+
     def log(self, s: Scene, force: FloatArray, noise: FloatArray, number: int) -> JointLog:
         """Log a scene as the robot's sensors see it, with a hidden force."""
         rng = np.random.default_rng([self.seed, number, 5])
         white = rng.standard_normal(s.q.shape)
-        pole = np.exp(-1.0 / (self.style.rate * 0.08))
+        pole = self._pole
         slow = lfilter([np.sqrt(1.0 - pole**2)], [1.0, -pole], rng.standard_normal(s.q.shape), axis=0)
-        current = (s.known + force + noise * (np.sqrt(0.6) * white + np.sqrt(0.4) * slow)) / self.gain
+        current = (s.known + force + noise * (np.sqrt(1.0 - SLOW) * white + np.sqrt(SLOW) * slow)) / self.gain
         counts = 2.0 * np.pi / (8192.0 * 100.0)
         style = self.style
         noisy = s.q + (style.position_noise * rng.standard_normal(s.q.shape) if style.position_noise else 0.0)

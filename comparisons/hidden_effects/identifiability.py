@@ -18,40 +18,42 @@ from ident.gap.problem import Beyond, JointProblem
 from ident.gap.rows import gap_of, held_of, panel_of, survey_of
 
 if TYPE_CHECKING:
-    from comparisons.hidden_effects.cases import Hidden, Made
+    from comparisons.hidden_effects.cases import Case, Made
+    from ident.log import JointLog
     from ident.model import CurrentModel
 
 ROWS = 4000
 """Rows of a case's logs that laws are compared on."""
 
 SURE = 11.0
-"""Log-likelihood by which the true law must be ahead of its rivals: with twice that as variance of the difference, as
-white noise makes it, the wrong one is the likelier in one case of a hundred."""
+"""Log-likelihood by which the true law must be ahead of its rivals: noise makes that differ by twice as much, in the
+square, so that the wrong one is the likelier in one case of a hundred."""
 
 
-def margin(model: CurrentModel, refit: bool, made: Made, hidden: Hidden) -> float | None:
-    """Log-likelihood by which the logs of a case, with their noise but once known, tell an effect from its rivals.
+def margin(model: CurrentModel, refit: bool, case: Case, made: Made, number: int) -> float | None:
+    """Log-likelihood by which the logs of a case tell one of its effects from its rivals, if all else were known.
 
-    What is hidden is known exactly: it is the difference of the logs with and without it. The catalogue's law of that
+    What is hidden is known exactly: it is the difference of logs with and without it. The catalogue's law of that
     name and those that are known to be taken for it are each fitted to it, with the model's own columns beside them.
     What the nearest rival leaves of it, less what its own law leaves, is held against the noise.
 
     Args:
         model: the model before.
         refit: whether its own parameters are fitted again with the effect.
-        made: the case's logs.
-        hidden: the effect.
+        case: what is hidden.
+        made: its logs.
+        number: which of the hidden effects is asked about.
 
     Returns:
         Negative where a rival is nearer to what is hidden than the law of its own name; None of an effect that the
         catalogue does not have, or that has no rivals.
     """
-    catalogue = load_catalogue()
+    catalogue, hidden = load_catalogue(), case.hidden[number]
     own = catalogue.get(hidden.effect)
     if own is None:
         return None
     rivals = {name for name, entry in catalogue.items() if name in own.rivals or own.name in entry.rivals}
-    sight = _Sight.of(model, refit, made)
+    sight = _Sight.of(model, refit, made, made.alone[number])
     present = [term.effect for term in model.terms] if refit else []
     left: dict[str, float] = {}
     for joint in dict.fromkeys((hidden.joint, None)):
@@ -78,13 +80,13 @@ class _Sight:
     weights: FloatArray
 
     @classmethod
-    def of(cls, model: CurrentModel, refit: bool, made: Made) -> _Sight:
-        """The train logs of a case, which differ from its plain ones by the hidden force."""
-        panel = panel_of(model, made.train, ROWS)
-        hidden = panel.force - panel_of(model, made.plain[: len(made.train)], ROWS).force
+    def of(cls, model: CurrentModel, refit: bool, made: Made, logs: Sequence[JointLog]) -> _Sight:
+        """Logs of a case, which differ from its plain ones by the hidden force."""
+        panel = panel_of(model, logs, ROWS)
+        hidden = panel.force - panel_of(model, made.plain[: len(logs)], ROWS).force
         gaps = [(gap_of if refit else held_of)(model, panel, j) for j in range(model.n)]
         problems = [JointProblem(g.matrix, hidden[:, g.joint], panel.fold, g.keep) for g in gaps]
-        samples = sum(len(log.t) for log in made.train) / len(panel)
+        samples = sum(len(log.t) for log in logs) / made.correlation / len(panel)
         return cls(panel, survey_of(model, panel), problems, np.sqrt(samples) / (made.noise * model.gain))
 
     def left(self, effect: Effect) -> float:

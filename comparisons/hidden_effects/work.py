@@ -102,9 +102,8 @@ def _problem(task: Task | MeasuredTask) -> tuple[Truth, Problem]:
     ideal = baseline_model(made.robot, made.plain[:3]) if task.case.hidden and not changed else model
     known = evidence([ideal], made.plain[3:]).after
     problem = Problem(model, made.train, made.test, not changed, task.case)
-    alone = task.case.hidden[0] if len(task.case.hidden) == 1 else None
-    told = None if alone is None else margin(model, not changed, made, alone)
-    return truth_of(task.case, made, task.kind, task.name, known, told), problem
+    margins = [margin(model, not changed, task.case, made, k) for k in range(len(task.case.hidden))]
+    return truth_of(task.case, made, task.kind, task.name, known, margins), problem
 
 
 def _workflow(problem: Problem, truth: Truth) -> Answer:

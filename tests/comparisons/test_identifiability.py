@@ -13,8 +13,15 @@ from ident.gap import baseline_model
 
 
 def asked(hidden, style="short", changed=False, **more):
-    made = make(Case("vs060", (hidden,), 7, style=style, changed=changed, **more))
-    return margin(baseline_model(made.robot, made.clean if changed else made.train), not changed, made, hidden)
+    case = Case("vs060", (hidden,), 7, style=style, changed=changed, **more)
+    made = make(case)
+    return margin(baseline_model(made.robot, made.clean if changed else made.train), not changed, case, made, 0)
+
+
+def sprung():
+    case = Case("vs060", (Hidden("cable-spring", 1, 1.0),), 7, style="short")
+    made = make(case)
+    return case, made, baseline_model(made.robot, made.train)
 
 
 def test_stribeck_is_told_from_what_it_is_taken_for():
@@ -26,11 +33,11 @@ def test_quick_filter_is_not_told_from_delay_and_slow_one_is():
 
 
 def test_noise_decides_what_logs_tell():
-    hidden = Hidden("cable-spring", 1, 1.0)
-    made = make(Case("vs060", (hidden,), 7, style="short"))
-    model = baseline_model(made.robot, made.train)
-    quiet = replace(made, noise=0.5 * made.noise)
-    assert margin(model, True, quiet, hidden) == pytest.approx(4.0 * margin(model, True, made, hidden))
+    case, made, model = sprung()
+    quiet, slow = replace(made, noise=0.5 * made.noise), replace(made, correlation=2.0 * made.correlation)
+    asked_of = {made: margin(model, True, case, made, 0) for made in (made, quiet, slow)}
+    assert asked_of[quiet] == pytest.approx(4.0 * asked_of[made])
+    assert asked_of[slow] == pytest.approx(0.5 * asked_of[made])
 
 
 def test_change_is_held_against_model_from_before():
@@ -42,15 +49,24 @@ def test_effects_without_rivals_and_outside_the_catalogue_have_no_margin():
     assert asked(Hidden("friction-step", 1, 1.0)) is None
 
 
-def test_noise_of_the_logs_plays_no_part():
-    hidden = Hidden("load-friction", 1, 1.0)
-    made = make(Case("vs060", (hidden,), 7, style="short"))
+def test_noise_of_the_logs_and_other_effects_play_no_part():
+    case, made, model = sprung()
     rng = np.random.default_rng(0)
     shaken = [rng.normal(0.0, 3.0 * made.noise, log.current.shape) for log in made.train]
-    train, plain = (
+    alone, plain = (
         [replace(log, current=log.current + more) for log, more in zip(logs, shaken, strict=False)]
-        for logs in (made.train, made.plain)
+        for logs in (made.alone[0], made.plain)
     )
-    model = baseline_model(made.robot, made.train)
-    noisier = margin(model, True, replace(made, train=train, plain=plain), hidden)
-    assert noisier == pytest.approx(margin(model, True, made, hidden), rel=1e-6)
+    noisier = margin(model, True, case, replace(made, alone=[alone], plain=plain, train=[]), 0)
+    assert noisier == pytest.approx(margin(model, True, case, made, 0), rel=1e-6)
+
+
+@pytest.mark.parametrize("style", ["short", "50Hz"])
+def test_correlation_is_that_of_the_noise(style):
+    noisy, quiet = (make(Case("vs060", (), 7, style=style, noise=noise)) for noise in (0.02, 0.0))
+    pairs = zip(noisy.train, quiet.train, strict=True)
+    noise = np.concatenate([(one.current - other.current) / noisy.noise for one, other in pairs])
+    # Means of so many samples vary as those of fewer independent ones do.
+    long = 4 * round(quiet.train[0].rate)
+    means = noise[: len(noise) // long * long].reshape(-1, long, 6).mean(axis=1)
+    assert long * np.mean(means**2) == pytest.approx(noisy.correlation, rel=0.2)
