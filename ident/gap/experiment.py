@@ -13,7 +13,7 @@ import numpy as np
 
 from ident.arrays import FloatArray
 from ident.cutoff import HIGHEST_SHARE
-from ident.gap.candidates import Trial, admissible, force_of, in_rows, refine
+from ident.gap.candidates import Trial, admissible, best_shape, force_of
 from ident.gap.joint_gap import JointGap
 from ident.gap.panel import Panel
 from ident.log import JointLog
@@ -129,7 +129,7 @@ def _unfollowed(truth: Trial, rival: Trial, besides: Sequence[Trial], joined: Jo
     panel, gap = joined.panel, joined.gap
     problem = replace(gap, target=_said(truth, besides, joined)).problem(panel, besides)
     if refined and rival.effect.shapes:
-        rival = refine(panel, problem, [in_rows(panel, problem, rival, gap.joint)], gap.joint)
+        rival = best_shape(panel, problem, rival, gap.joint)
     columns = admissible(panel, problem, rival.effect, rival.shape, gap.joint)
     left = problem.left(columns)
     explained = float(problem.residual @ problem.residual)
