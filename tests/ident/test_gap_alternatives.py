@@ -8,7 +8,7 @@ from scipy.interpolate import CubicSpline
 from ident.gap import baseline_model
 from ident.gap.rows import gap_of, panel_of, survey_of
 from ident.gap.search import search
-from ident.gap.settle import alternatives
+from ident.gap.settle import BLOCKS, _beats, alternatives
 from ident.gap.whole import _Judge
 from ident.log import JointLog
 
@@ -69,3 +69,17 @@ def test_all_effects_of_the_joint_on_which_alone_a_cause_shows_may_be_its_altern
     assert [gained for one, gained, _ in own if one is found.winner(panel).trial] == pytest.approx([best])
     assert {by_cause for _, _, by_cause in own} == {70.0}
     assert judge._own(np.array([0, 1]), np.array([70.0, 70.0])) == []
+
+
+@pytest.mark.parametrize(("worse", "beaten"), [(0.3, True), (0.0, False), (-0.3, False)])
+def test_a_rival_is_beaten_by_what_most_blocks_say_however_much_two_of_them_do(worse, beaten):
+    own = np.random.default_rng(5).standard_normal(100 * BLOCKS)
+    rival = own + worse * np.random.default_rng(6).standard_normal(len(own))
+    if worse < 0.0:
+        own, rival = rival, own
+    rival[:150] += 30.0
+    assert _beats(own, rival) is beaten
+
+
+def test_a_rival_that_leaves_the_same_is_not_beaten():
+    assert not _beats(np.ones(1000), np.ones(1000))

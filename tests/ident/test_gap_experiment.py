@@ -6,6 +6,7 @@ import numpy as np
 from planar_arm import NOISE, RATE, logs, motion
 
 from ident.effects import load_catalogue
+from ident.effects.attached import GravityBalancer
 from ident.effects.base import Effect
 from ident.gap import baseline_model
 from ident.gap.candidates import Trial
@@ -56,6 +57,18 @@ def test_the_next_experiment_is_the_motion_on_which_two_names_differ(arm):
     same = separating(Question(sigmoid, sigmoid, (), NOISE), motions)
     assert same.ratio < 1e-3
     assert not same.settles
+
+
+def test_the_other_name_is_tried_at_any_shape_on_a_motion(arm):
+    train = logs(arm, 1, hidden=lambda t, q, dq: 2.0 * np.sin(q[:, 1] - 0.5))
+    model = baseline_model(arm, train)
+    panel = panel_of(model, train)
+    both, added = with_motion(model, panel, train[0])
+    matrix = np.stack([np.tanh(both.velocity[:, 1] / 2e-3), np.ones(len(both))], axis=1)
+    joined = Joined(both, JointGap(1, matrix, both.force[:, 1], np.ones(len(both), dtype=bool), ()), added)
+    balancer = GravityBalancer(1)
+    here, far = (Trial(balancer, np.array([0.5, neutral]), 0.0) for neutral in (0.5, -3.25))
+    assert separating(Question(here, far, (), NOISE), {"again": joined}).ratio < 0.1
 
 
 def test_a_motion_may_be_sampled_slower_than_the_logs(arm):
