@@ -85,7 +85,9 @@ class _Sight:
         panel = panel_of(model, logs, ROWS)
         hidden = panel.force - panel_of(model, made.plain[: len(logs)], ROWS).force
         gaps = [(gap_of if refit else held_of)(model, panel, j) for j in range(model.n)]
-        problems = [JointProblem(g.matrix, hidden[:, g.joint], panel.fold, g.keep) for g in gaps]
+        # How large its friction is now, a model that was identified before does not know.
+        own = [g.matrix if g.friction is None else np.hstack([g.matrix, g.friction]) for g in gaps]
+        problems = [JointProblem(m, hidden[:, j], panel.fold, gaps[j].keep) for j, m in enumerate(own)]
         samples = sum(len(log.t) for log in logs) / made.correlation / len(panel)
         return cls(panel, survey_of(model, panel), problems, np.sqrt(samples) / (made.noise * model.gain))
 
