@@ -14,7 +14,7 @@ from ident.effects.base import Effect, Survey
 from ident.gap.candidates import forms, grid, lower_bounds
 from ident.gap.climb import climb
 from ident.gap.panel import Panel
-from ident.gap.problem import Beyond, JointProblem
+from ident.gap.problem import Beyond, JointProblem, sizes
 from ident.gap.rows import gap_of, held_of, panel_of, survey_of
 
 if TYPE_CHECKING:
@@ -97,12 +97,10 @@ class _Sight:
         lower = lower_bounds(self.panel, effect)
 
         def explained(shape: FloatArray) -> float:
-            columns, meant = self._columns(effect, shape), effect.plain(shape)
+            (columns, size), meant = self._columns(effect, shape), effect.plain(shape)
             if meant is not None:
                 force = columns @ meant
                 return float(2.0 * target @ force - force @ force)
-            size = np.linalg.norm(columns, axis=0)
-            size = np.where(size > 0.0, size, 1.0)
             beyond = Beyond(columns.T @ columns / np.outer(size, size), columns.T @ target / size, size)
             return beyond.among(beyond.admissible(lower)).drop
 
@@ -111,14 +109,15 @@ class _Sight:
             best = climb(explained, effect.shapes, [best])
         return 0.5 * (float(target @ target) - best[1])
 
-    def _columns(self, effect: Effect, shape: FloatArray) -> FloatArray:
-        """An effect's columns (n N, k) in all joints' rows, beyond what the model's own absorb."""
+    def _columns(self, effect: Effect, shape: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """An effect's columns (n N, k) in all joints' rows beyond the model's own, and their whole lengths (k,)."""
         every = self.panel.all_columns(effect, shape)
-        parts = []
+        beyond, square = [], np.zeros(every.shape[-1])
         for joint, (weight, problem) in enumerate(zip(self.weights, self.problems, strict=True)):
             if every.ndim == 2 and effect.acts_on != joint:
-                parts.append(np.zeros((len(problem), every.shape[1])))
+                beyond.append(np.zeros((len(problem), every.shape[1])))
                 continue
-            own = problem.of(every[:, joint] if every.ndim == 3 else every)
-            parts.append(weight * problem.away(own))
-        return np.concatenate(parts)
+            own = weight * problem.of(every[:, joint] if every.ndim == 3 else every)
+            beyond.append(problem.away(own))
+            square += sizes(own) ** 2
+        return np.concatenate(beyond), np.sqrt(np.where(square > 0.0, square, 1.0))

@@ -2,6 +2,7 @@
 
 import json
 import math
+from dataclasses import asdict
 from types import SimpleNamespace
 
 import numpy as np
@@ -11,6 +12,7 @@ from comparisons.hidden_effects import benchmark as bench
 from comparisons.hidden_effects.answer import Answer, Name, Secret, Truth, truth_from
 from comparisons.hidden_effects.benchmark_page import page, plots, results
 from comparisons.hidden_effects.cases import CHANGES, WHOLE_ROBOT, Case, Hidden, Maker, make, robot_of
+from comparisons.hidden_effects.identifiability import SURE
 from comparisons.hidden_effects.laws import FOREIGN, LAWS
 from comparisons.hidden_effects.measured import measured_tasks
 from comparisons.hidden_effects.rates import Rate, Score
@@ -335,6 +337,20 @@ def test_page_and_plots_of_records(tmp_path):
     assert "Not made, and in no figure: b." in text
     assert "stepwise BIC broke down, which counts as wrong, on: a." in text
     assert all(path.read_text().startswith("<?xml") for path in plots(found, tmp_path))
+
+
+def test_cases_whose_logs_do_not_tell_rivals_apart_count_in_the_first_table_alone():
+    def record(name, margin):
+        secret = Secret("stribeck", (1,), 2.0, {"force": 2.0}, margin)
+        truth = Truth(name, "vs060", "single", (secret,), (1.0, 1.0), (1.0, 1.0))
+        answer = Answer((right() if name == "told" else Name("sigmoid", (1,)),), (), (2.0, 2.0), (1.0, 1.0), 3.0)
+        return {"name": name, "truth": asdict(truth), "answers": {WORKFLOW: answer.to_dict()}, "errors": {}}
+
+    found = results([record("told", SURE + 1.0), record("open", SURE - 8.0)], [WORKFLOW])
+    of = found["methods"][WORKFLOW]
+    assert [of[which]["first name right"]["value"] for which in ("table", "identifiable")] == [0.5, 1.0]
+    found["provenance"] = {"command_line": "python -m x", "date": "today"}
+    assert "Not told from a rival by so much: open (3.0)." in page(found)
 
 
 def test_what_is_not_there_is_said(tmp_path):
