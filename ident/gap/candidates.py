@@ -290,16 +290,17 @@ def best_trials(panel: Panel, survey: Survey, gate: Gate, effects: Sequence[Effe
     ended = [found[k] for k in likely if found[k].at_bound]
     plainer = [screen(panel, gate, effect, joint) for trial in ended for effect in trial.effect.plainer()]
     found += [refine(panel, problem, [trial], joint) for trial in plainer]
-    judged = [with_errors(panel, problem, trial, joint) for trial in found]
-    return sorted((_undecided(panel, problem, trial, joint, most) for trial in judged), key=_held_out)
+    first, *others = sorted((with_errors(panel, problem, trial, joint) for trial in found), key=_held_out)
+    return sorted([_undecided(panel, problem, first, joint), *others], key=_held_out)
 
 
-def _undecided(panel: Panel, problem: JointProblem, trial: Trial, joint: int, most: float) -> Trial:
-    """A trial, or short of where its law ends if that explains as much; not asked of one far behind the ``most``."""
-    if not trial.at_bound or trial.drop < BEHIND * most:
-        return trial
-    inner = within_bounds(panel, problem, trial, joint)
-    return inner if inner.drop >= ALIKE * trial.drop else trial
+def _undecided(panel: Panel, problem: JointProblem, best: Trial, joint: int) -> Trial:
+    """The best trial, or short of where its law ends if that explains as much.
+
+    Of others that is not asked: where a law that has ended explains more, the truth is neither.
+    """
+    inner = within_bounds(panel, problem, best, joint)
+    return inner if inner.drop >= ALIKE * best.drop else best
 
 
 def fuller_trial(panel: Panel, gate: Gate, effect: Effect, plain: Sequence[Trial], joint: int) -> Trial:
