@@ -290,8 +290,8 @@ def best_trials(panel: Panel, survey: Survey, gate: Gate, effects: Sequence[Effe
     ended = [found[k] for k in likely if found[k].at_bound]
     plainer = [screen(panel, gate, effect, joint) for trial in ended for effect in trial.effect.plainer()]
     found += [refine(panel, problem, [trial], joint) for trial in plainer]
-    first, *others = sorted((with_errors(panel, problem, trial, joint) for trial in found), key=_held_out)
-    return sorted([_undecided(panel, problem, first, joint), *others], key=_held_out)
+    judged = sorted((with_errors(panel, problem, trial, joint) for trial in found), key=_held_out)
+    return sorted([*(_undecided(panel, problem, best, joint) for best in judged[:1]), *judged[1:]], key=_held_out)
 
 
 def _undecided(panel: Panel, problem: JointProblem, best: Trial, joint: int) -> Trial:
