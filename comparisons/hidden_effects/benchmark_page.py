@@ -12,7 +12,7 @@ import numpy as np
 from comparisons.hidden_effects.answer import Truth, truth_from
 from comparisons.hidden_effects.identifiability import SURE
 from comparisons.hidden_effects.rates import Score
-from comparisons.hidden_effects.scoring import Judged, calibration, confusion, curves, table
+from comparisons.hidden_effects.scoring import TIES, Judged, calibration, confusion, curves, table
 from comparisons.hidden_effects.work import judged
 
 if TYPE_CHECKING:
@@ -33,7 +33,7 @@ TARGETS = {
     "silence on effects outside the catalogue": ">= 95 %",
     "test RMSE over that with the law known": "<= 1.03",
     "main parameter's error": "<= 5 %",
-    "a tie broken by the proposed experiment": ">= 95 %",
+    TIES: ">= 95 %",
     "F1, two effects": ">= 0.92",
 }
 """What the gap workflow is to reach."""
@@ -167,7 +167,8 @@ def _joints(joints: Sequence[int]) -> str:
 
 
 def _table(methods: Mapping[str, Any], which: str) -> list[str]:
-    rows = list(dict.fromkeys(row for of in methods.values() for row in of[which]))
+    left_out = {TIES} if which == "identifiable" else set()  # ties are what logs do not tell
+    rows = [row for row in dict.fromkeys(row for of in methods.values() for row in of[which]) if row not in left_out]
     lines = [f"| | target | {' | '.join(methods)} |", "|---|---|" + "---|" * len(methods)]
     for row in rows:
         cells = [_cell(row, of[which].get(row)) for of in methods.values()]

@@ -146,6 +146,8 @@ def parameter_error(name: Name, secret: Secret) -> float:
 
 SINGLE = ("single", "changed")
 
+TIES = "a tie broken by the proposed experiment"
+
 FIGURES: Mapping[str, tuple[tuple[str, ...], Callable[[Sequence[Judged]], Score]]] = {
     "first name right": (SINGLE, lambda js: Score.share(j.name_right for j in js)),
     "true name in name + alternatives": (SINGLE, lambda js: Score.share(j.among for j in js)),
@@ -156,7 +158,7 @@ FIGURES: Mapping[str, tuple[tuple[str, ...], Callable[[Sequence[Judged]], Score]
     "test RMSE over that with the law known": (SINGLE, lambda js: Score.median(j.error_ratio for j in js)),
     "test RMSE over the noise": (SINGLE, lambda js: Score.median(j.noise_ratio for j in js)),
     "main parameter's error": (SINGLE, lambda js: Score.median(e for j in js for e in j.parameter_errors)),
-    "a tie broken by the proposed experiment": ((*SINGLE, "tie"), lambda js: Score.share(_settled(js))),
+    TIES: ((*SINGLE, "tie"), lambda js: Score.share(_settled(js))),
     "F1, two effects": (("pair",), lambda js: Score.f1([j.counts for j in js])),
     "F1, three effects": (("triple",), lambda js: Score.f1([j.counts for j in js])),
     "effect added to a measured log: named": (("added",), lambda js: Score.share(_hit(j) for j in js)),
