@@ -30,9 +30,6 @@ BEHIND = 0.4
 """Share of what the best law so far explains that another must explain after a coarse search to be searched to the end:
 what is behind then ends behind."""
 
-ALIKE = 0.99
-"""Share of what a law explains where it ends that it must explain short of that: the logs do not tell then."""
-
 TAIL = 0.2
 """Share of a law's largest force in all rows that those that count must reach for them to tell its size."""
 
@@ -194,25 +191,14 @@ def screen(panel: Panel, gate: Gate, effect: Effect, joint: int) -> Trial:
     return best
 
 
-def refine(
-    panel: Panel,
-    problem: JointProblem,
-    starts: Sequence[Trial],
-    joint: int,
-    least: float = 0.0,
-    shapes: Sequence[Shape] | None = None,
-) -> Trial:
-    """Search the shape parameters of an effect, if it has any, around starts; roughly where it explains too little.
-
-    Other bounds and starts than the effect's own may be given as ``shapes``.
-    """
+def refine(panel: Panel, problem: JointProblem, starts: Sequence[Trial], joint: int, least: float = 0.0) -> Trial:
+    """Search the shape parameters of an effect, if it has any, around starts; roughly where it explains too little."""
     first = starts[0]
 
     def drop(shape: FloatArray) -> float:
         return next(drops(panel, problem, first.effect, [shape], joint))
 
-    searched = first.effect.shapes if shapes is None else shapes
-    shape, best = climb(drop, searched, [(one.shape, one.drop) for one in starts], least)
+    shape, best = climb(drop, first.effect.shapes, [(one.shape, one.drop) for one in starts], least)
     return replace(first, shape=shape, drop=best)
 
 
@@ -228,25 +214,13 @@ def best_start(panel: Panel, problem: JointProblem, effect: Effect, joint: int) 
 
 
 def within_bounds(panel: Panel, problem: JointProblem, trial: Trial, joint: int) -> Trial:
-    """A trial as it is, or short of where its law ends, by no more than it starts, if it ended there.
+    """A trial as it is, or at the best usual shape of its law if it ended where that does.
 
     Two laws that are one in these rows fit best where one of them ends; short of that it may do as well.
     """
     if not trial.at_bound:
         return trial
-    inner = [_short_of_end(s, v) for s, v in zip(trial.effect.shapes, trial.shape.tolist(), strict=True)]
-    lower, upper = [s.lower for s in inner], [s.upper for s in inner]
-    begun = in_rows(panel, problem, replace(trial, shape=np.clip(trial.shape, lower, upper)), joint)
-    starts = [best_start(panel, problem, trial.effect, joint), begun]
-    return with_errors(panel, problem, refine(panel, problem, starts, joint, shapes=inner), joint)
-
-
-def _short_of_end(parameter: Shape, value: float) -> Shape:
-    """A shape parameter that goes no further than its outermost start towards a bound where its law ends, if there."""
-    low, high = _ends(parameter, value)
-    lower = min(parameter.starts) if low else parameter.lower
-    upper = max(parameter.starts) if high else parameter.upper
-    return replace(parameter, lower=lower, upper=upper)
+    return with_errors(panel, problem, best_start(panel, problem, trial.effect, joint), joint)
 
 
 def best_shape(panel: Panel, problem: JointProblem, trial: Trial, joint: int) -> Trial:
@@ -290,17 +264,7 @@ def best_trials(panel: Panel, survey: Survey, gate: Gate, effects: Sequence[Effe
     ended = [found[k] for k in likely if found[k].at_bound]
     plainer = [screen(panel, gate, effect, joint) for trial in ended for effect in trial.effect.plainer()]
     found += [refine(panel, problem, [trial], joint) for trial in plainer]
-    judged = sorted((with_errors(panel, problem, trial, joint) for trial in found), key=_held_out)
-    return sorted([*(_undecided(panel, problem, best, joint) for best in judged[:1]), *judged[1:]], key=_held_out)
-
-
-def _undecided(panel: Panel, problem: JointProblem, best: Trial, joint: int) -> Trial:
-    """The best trial, or short of where its law ends if that explains as much.
-
-    Of others that is not asked: where a law that has ended explains more, the truth is neither.
-    """
-    inner = within_bounds(panel, problem, best, joint)
-    return inner if inner.drop >= ALIKE * best.drop else best
+    return sorted((with_errors(panel, problem, trial, joint) for trial in found), key=_held_out)
 
 
 def fuller_trial(panel: Panel, gate: Gate, effect: Effect, plain: Sequence[Trial], joint: int) -> Trial:
@@ -322,11 +286,6 @@ def _held_out(trial: Trial) -> float:
 
 
 def _at_bound(parameter: Shape, value: float) -> bool:
-    return any(_ends(parameter, value))
-
-
-def _ends(parameter: Shape, value: float) -> tuple[bool, bool]:
-    """Whether a value is at the lower, and at the upper, bound where the law ends."""
     low, high, place = (parameter.place(x) for x in (parameter.lower, parameter.upper, value))
 
     def near(end: float) -> bool:
@@ -334,4 +293,4 @@ def _ends(parameter: Shape, value: float) -> tuple[bool, bool]:
         size = high - low if parameter.log or end == 0.0 else min(high - low, abs(end))
         return abs(place - end) <= BOUND * size
 
-    return near(low) and parameter.ends[0], near(high) and parameter.ends[1]
+    return (near(low) and parameter.ends[0]) or (near(high) and parameter.ends[1])
