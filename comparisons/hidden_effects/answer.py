@@ -79,9 +79,14 @@ class Truth:
         return min((s.severity * (float(share[s.joints[0]]) if s.joints else mean) for s in self.secrets), default=None)
 
     @property
+    def margin(self) -> float | None:
+        """Least margin of its effects; None where none is known."""
+        return min((s.margin for s in self.secrets if s.margin is not None), default=None)
+
+    @property
     def told_apart(self) -> bool:
         """Whether the logs tell every effect that it hides from its rivals, as far as that is known."""
-        return all(s.margin is None or s.margin >= SURE for s in self.secrets)
+        return self.margin is None or self.margin >= SURE
 
 
 @dataclass(frozen=True)

@@ -155,7 +155,7 @@ def plots(found: Mapping[str, Any], folder: Path) -> list[Path]:
 def _not_told_apart(records: Sequence[Mapping[str, Any]]) -> dict[str, float]:
     """Cases whose logs do not tell what is hidden from its rivals, each with the log-likelihood by which they would."""
     truths = [truth_from(r["truth"]) for r in records if r["truth"] is not None]
-    return {t.name: min(s.margin for s in t.secrets if s.margin is not None) for t in truths if not t.told_apart}
+    return {t.name: t.margin for t in truths if t.margin is not None and not t.told_apart}
 
 
 def _scores(scores: Mapping[Any, Score]) -> dict[str, dict[str, Any]]:

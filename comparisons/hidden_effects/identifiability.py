@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -81,20 +82,24 @@ class _Sight:
 
     @classmethod
     def of(cls, model: CurrentModel, refit: bool, made: Made, logs: Sequence[JointLog]) -> _Sight:
-        """Logs of a case, which differ from its plain ones by the hidden force."""
-        panel = panel_of(model, logs, ROWS)
-        hidden = panel.force - panel_of(model, made.plain[: len(logs)], ROWS).force
+        """Logs of a case, of whose current only what differs from its plain ones counts: the hidden one."""
+        pairs = zip(logs, made.plain, strict=False)  # those of the test logs come last
+        panel = panel_of(model, [replace(log, current=log.current - plain.current) for log, plain in pairs], ROWS)
         gaps = [(gap_of if refit else held_of)(model, panel, j) for j in range(model.n)]
         # How large its friction is now, a model that was identified before does not know.
         own = [g.matrix if g.friction is None else np.hstack([g.matrix, g.friction]) for g in gaps]
-        problems = [JointProblem(m, hidden[:, j], panel.fold, gaps[j].keep) for j, m in enumerate(own)]
+        problems = [JointProblem(m, panel.force[:, j], panel.fold, gaps[j].keep) for j, m in enumerate(own)]
         samples = sum(len(log.t) for log in logs) / made.correlation / len(panel)
         return cls(panel, survey_of(model, panel), problems, np.sqrt(samples) / (made.noise * model.gain))
 
+    @cached_property
+    def target(self) -> FloatArray:
+        """The hidden force (n N,) of all joints beyond what the model's own columns absorb, over the noise."""
+        return np.concatenate([w * p.residual for w, p in zip(self.weights, self.problems, strict=True)])
+
     def left(self, effect: Effect) -> float:
         """Log-likelihood that is missing where an effect, at its best shape, stands for what is hidden."""
-        target = np.concatenate([w * p.residual for w, p in zip(self.weights, self.problems, strict=True)])
-        lower = lower_bounds(self.panel, effect)
+        target, lower = self.target, lower_bounds(self.panel, effect)
 
         def explained(shape: FloatArray) -> float:
             (columns, size), meant = self._columns(effect, shape), effect.plain(shape)

@@ -12,8 +12,8 @@ from comparisons.hidden_effects.identifiability import SURE, margin
 from ident.gap import baseline_model
 
 
-def asked(hidden, style="short", changed=False, **more):
-    case = Case("vs060", (hidden,), 7, style=style, changed=changed, **more)
+def asked(hidden, style="short", changed=False):
+    case = Case("vs060", (hidden,), 7, style=style, changed=changed)
     made = make(case)
     return margin(baseline_model(made.robot, made.clean if changed else made.train), not changed, case, made, 0)
 
