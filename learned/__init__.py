@@ -3,8 +3,13 @@
 The names below are imported when they are first used, so that importing the package costs nothing.
 """
 
+import os
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
+
+# Threads that spin for one another make a step of a small network many times slower beside other work. It is read when
+# Torch is first imported, so it stands here; what the user says goes first.
+os.environ.setdefault("OMP_WAIT_POLICY", "PASSIVE")
 
 if TYPE_CHECKING:
     from learned.adaptation import adapt_payload as adapt_payload

@@ -17,6 +17,7 @@ from learned.dataset import Dataset
 from learned.fitting import Fitted, fit
 from learned.networks import Architecture
 from learned.options import Progress, ProgressCallback, TrainingOptions
+from learned.threads import at_most, worth_having
 from learned.torch_graph import DenseGraph, Lstm, network
 
 CHECKPOINT = "checkpoint.pt"
@@ -116,7 +117,8 @@ class Stages:
                 self.progress(Progress(number + 1, stages, epoch, self.options.epochs, loss, validation))
 
         resumed = current if current is not None and current["name"] == name else None
-        fitted = fit(module, training, self.validation, hierarchy, self.options, seed, keep, report, resumed)
+        with at_most(worth_having(module, self.options.batch)):
+            fitted = fit(module, training, self.validation, hierarchy, self.options, seed, keep, report, resumed)
         if silent and isinstance(module, DenseGraph):
             # What corrects another prediction may do so on one joint and do harm on the next.
             module.scale_outputs(self.validation.best_shares(module, hierarchy))

@@ -170,17 +170,12 @@ def _one(
     threads: int,
 ) -> TrainedModel:
     """Train one run on its share of the cores, unless it is done."""
-    import torch
-
     from learned.stages import CHECKPOINT
+    from learned.threads import at_most
     from learned.training import train
 
     if out is not None and is_trained_model(out) and not (out / CHECKPOINT).exists():
         return TrainedModel.load(out)
-    before = torch.get_num_threads()
-    torch.set_num_threads(min(threads, before))  # as few as the environment asks for, if it does
-    try:
+    with at_most(threads):
         below = physics if run.method == "hybrid" else None
         return train(robot, train_logs, validation_logs, run.method, run.options, out, physics=below).trained
-    finally:
-        torch.set_num_threads(before)
