@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -108,7 +108,13 @@ class GravityBalancer(Effect):
 
     The pins, at radii a and b from the axis, are ``sqrt(a^2 + b^2 - 2 a b cos x)`` apart at the angle x from neutral.
     A spring of stiffness k and free length l pulls with the torque ``k a b sin x (1 - l / distance)``.
+
+    Attributes:
+        ideal: a spring without free length, which balances a weight wherever it is (Herder 2001): the pins' distance
+            does not show.
     """
+
+    ideal: bool = False
 
     name = "gravity-balancer"
     family = "rigid-body"
@@ -121,19 +127,23 @@ class GravityBalancer(Effect):
         """Try it on turning joints."""
         return [] if joint is None or survey.robot.multibody.prismatic[joint] else [cls(joint)]
 
+    def plainer(self) -> list[Effect]:
+        """Return that without free length: over a part of the way the pins' distance hardly shows."""
+        return [] if self.ideal else [replace(self, ideal=True)]
+
     @property
     def shapes(self) -> tuple[Shape, ...]:
-        """Return 2 a b / (a^2 + b^2) and the neutral angle."""
-        return (
-            Shape("lever", "1", 0.1, 0.98, (0.5, 0.75, 0.9), log=False, ends=(False, True)),
-            Shape("neutral", "{angle}", -3.6, 3.6, NEUTRAL, log=False),
-        )
+        """Return 2 a b / (a^2 + b^2), if the pins' distance shows, and the neutral angle."""
+        lever = Shape("lever", "1", 0.1, 0.995, (0.5, 0.75, 0.9), log=False, ends=(False, True))
+        neutral = Shape("neutral", "{angle}", -3.6, 3.6, NEUTRAL, log=False)
+        return (neutral,) if self.ideal else (lever, neutral)
 
     def coefficients(self, robot: Robot) -> tuple[Coefficient, ...]:
         """Return the spring's torque on a long lever, and what its free length takes from it."""
-        return (Coefficient("force", "{current}"), Coefficient("preload", "{current}"))
+        return (Coefficient("force", "{current}"), *(() if self.ideal else (Coefficient("preload", "{current}"),)))
 
     def columns(self, context: Context, shape: FloatArray, memory: FloatArray) -> FloatArray:
-        """Return sin x and sin x over the pins' distance."""
-        x = context.motion.q[:, self.at] - shape[1]
-        return np.stack([np.sin(x), np.sin(x) / np.sqrt(1.0 - shape[0] * np.cos(x))], axis=1)
+        """Return sin x and, with a free length, sin x over the pins' distance."""
+        x = context.motion.q[:, self.at] - shape[-1]
+        length = [] if self.ideal else [np.sin(x) / np.sqrt(1.0 - shape[0] * np.cos(x))]
+        return np.stack([np.sin(x), *length], axis=1)

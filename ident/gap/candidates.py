@@ -19,6 +19,9 @@ from ident.gap.problem import Errors, JointProblem
 SEARCHED = 5
 """Laws on a joint, in all their forms, whose shape parameters are searched further than the grid of their starts."""
 
+AS_WELL = 0.9
+"""Share of what a law explains whose shape ends at a bound that a plainer form must explain to stand for it."""
+
 HINTS = 0.01
 """Share of a joint's squared residual that a law must explain for its fuller forms to be tried, a tenth of what they
 must themselves."""
@@ -261,9 +264,9 @@ def best_trials(panel: Panel, survey: Survey, gate: Gate, effects: Sequence[Effe
     likely = [k for k, trial in enumerate(found) if laws[k] in further and trial.drop > least]
     plain = [(found[k], screened[k]) for k in likely]
     found += [fuller_trial(panel, gate, e, both, joint) for both in plain for e in both[0].effect.fuller(survey)]
-    ended = [found[k] for k in likely if found[k].at_bound]
-    plainer = [screen(panel, gate, effect, joint) for trial in ended for effect in trial.effect.plainer()]
-    found += [refine(panel, problem, [trial], joint) for trial in plainer]
+    for ended in [found[k] for k in likely if found[k].at_bound]:
+        plainer = [refine(panel, problem, [screen(panel, gate, e, joint)], joint) for e in ended.effect.plainer()]
+        found += [trial for trial in plainer if trial.drop > AS_WELL * ended.drop]
     return sorted((with_errors(panel, problem, trial, joint) for trial in found), key=_held_out)
 
 

@@ -29,6 +29,10 @@ MOST_OF_ALL = 2
 DEPENDENT = {"links", "load", "total"}
 """What effects need of a model that is fitted again with them before they are judged."""
 
+AS_MUCH = 0.9
+"""Share of what is explained of a joint that links not bent to its effect must leave explained: a law that is nearly
+right may bend them further."""
+
 
 @dataclass(frozen=True, eq=False)
 class Causes:
@@ -113,19 +117,26 @@ def _without(subject: Subject, gaps: Sequence[JointGap], whole: Whole) -> list[J
 
 
 def _seen_anew(subject: Subject, searches: Sequence[Search]) -> list[Search]:
-    """The searches, anew where a likely effect depends on links that, fitted without it, have bent to it."""
+    """The searches, anew where a likely effect depends on links that, fitted without it, have bent to it.
+
+    Where less is explained then, the links are left as they were.
+    """
     if not subject.refit:
         return list(searches)
     likely = {one.joint: one.winner(subject.panel, certain=False) for one in searches}
     dependent = {j: n.trial for j, n in likely.items() if n is not None and DEPENDENT & {*n.effect.needs}}
     if not dependent:
         return list(searches)
+    seen = subject.panel, subject.survey
     subject.bend([
         Term(trial.effect, trial.shape, coefficients(subject.panel, searches[j].problem, trial, j))
         for j, trial in dependent.items()
     ])  # fmt: skip
-    anew = iter(_searches(subject, [one.gap for one in searches if one.joint in dependent]))
-    return [next(anew) if one.joint in dependent else one for one in searches]
+    anew = {one.joint: one for one in _searches(subject, [one.gap for one in searches if one.joint in dependent])}
+    if any(anew[one.joint].most < AS_MUCH * one.most for one in searches if one.joint in dependent):
+        subject.panel, subject.survey = seen
+        return list(searches)
+    return [anew.get(one.joint, one) for one in searches]
 
 
 def _whole_beside(

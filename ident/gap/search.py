@@ -207,6 +207,11 @@ class Search(Beside):
         best = self.closest
         return self.before.total if best is None or best.errors is None else best.errors.total
 
+    @property
+    def most(self) -> float:
+        """Held-out squared residual that the candidate which predicts best explains."""
+        return self.before.total - self.best_error
+
     @cached_property
     def tolerated(self) -> float:
         """Squared residual that small errors of the model's own friction explain."""
@@ -282,7 +287,7 @@ def _predictable(panel: Panel, survey: Survey, found: Search) -> float:
         return 1.0
     problem = found.problem
     by_trees = explainable(panel, survey, found.joint, problem.residual, problem.keep).share
-    return max(by_trees, 1.0 - found.best_error / found.before.total)
+    return max(by_trees, found.most / found.before.total)
 
 
 def penalised(trial: Trial) -> float:

@@ -2,10 +2,11 @@
 
 import numpy as np
 import pytest
-from planar_arm import NOISE, RATE, friction
+from planar_arm import NOISE, RATE, friction, logs
 from scipy.interpolate import CubicSpline
 
 from ident.gap import baseline_model
+from ident.gap.candidates import coefficients
 from ident.gap.rows import gap_of, panel_of, survey_of
 from ident.gap.search import search
 from ident.gap.settle import BLOCKS, _beats, alternatives
@@ -49,6 +50,24 @@ def test_a_law_whose_shape_slow_logs_do_not_tell_is_sized_with_a_power_that_auth
     assert any(trial.at_bound for trial in trials_of(found, "stribeck"))
     assert (name.effect.name, name.effect.power) == ("stribeck", 2.0)
     assert name.trial.shape == pytest.approx([0.1], rel=0.2)
+
+
+def balancer(t, q, dq):
+    """A spring between pins at nearly the same radius, with next to no free length."""
+    x, lever, free = q[:, 1] - 0.1, 0.95, 0.05
+    return -0.4 * np.sin(x) * (1.0 - free / np.sqrt(1.0 + lever**2 - 2.0 * lever * np.cos(x)))
+
+
+def test_a_balancer_of_which_logs_do_not_tell_the_lever_is_sized_without_free_length(arm):
+    train = logs(arm, 1, hidden=balancer)
+    model = baseline_model(arm, train)
+    panel = panel_of(model, train)
+    found = search(panel, survey_of(model, panel), gap_of(model, panel, 1))
+    trial = found.winner(panel).trial
+    assert any(ended.at_bound for ended in trials_of(found, "gravity-balancer"))
+    assert trial.effect.ideal
+    (size,) = coefficients(panel, found.problem, trial, 1)
+    assert (trial.shape, abs(size)) == (pytest.approx([0.1], abs=0.15), pytest.approx(0.35, rel=0.1))
 
 
 def test_a_law_that_fits_best_where_it_ends_is_open_if_a_usual_shape_of_it_does_as_well(crept):
