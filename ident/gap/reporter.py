@@ -37,6 +37,9 @@ from ident.model import CurrentModel
 UNCLEAR = 0.5
 """Share of a joint's squared residual without its touches that must be unexplained to make them doubtful, too."""
 
+LEFT_OUT = 0.05
+"""Share of a joint's rows that, left out of the search, may be why the model delivered has nothing of a finding."""
+
 SURE = 1e-6
 """Least p-value that is stated."""
 
@@ -114,6 +117,9 @@ class Reporter:
         )
         if models:
             findings = _delivered(findings, models[-1], len(subject.model.terms))
+            denied = [f for f in findings if is_nil(f) and all(self._all_rows_seen(causes, j) for j in f.joints)]
+            if denied:
+                return self.report(causes.without(denied), contacts)
         models = [by_own_clock(model, subject.clock) for model in models]
         first, found_first = self._found_first()
         findings, models = [*first, *findings], [*found_first, *models]
@@ -125,6 +131,10 @@ class Reporter:
             self.start.model, model, tuple(findings), tuple(nameless), tuple(missing), maps[0], maps[1],
             panel, survey, (before, after), causes.p_values, shown, subject.rests.joints, self._warnings(findings),
         )  # fmt: skip
+
+    def _all_rows_seen(self, causes: Causes, joint: int) -> bool:
+        """Whether next to all of a joint's rows to which the model delivered is fitted were searched, too."""
+        return len(causes.gaps[joint].keep) > (1.0 - LEFT_OUT) * len(self.subject.gaps[joint].keep)
 
     def _found_first(self) -> tuple[list[Finding], list[CurrentModel]]:
         """What was found before any other effect was tried, and the model with each."""
@@ -219,13 +229,18 @@ def _delivered(findings: Sequence[Finding], model: CurrentModel, before: int) ->
     return found
 
 
+def is_nil(finding: Finding) -> bool:
+    """Whether the model delivered has nothing of a finding."""
+    return bool(finding.terms) and not any(term.coefficients.any() for term in finding.terms)
+
+
 def nil_warnings(findings: Sequence[Finding]) -> list[str]:
     """Say of which findings the model delivered has nothing, since rows that are left out of the search deny them."""
-    nil = [f for f in findings if f.terms and not any(term.coefficients.any() for term in f.terms)]
     return [
         f"{one.where}: {one.effect} shows in rows whose sign of velocity is sure, and comes to nothing in the model, "
         "which is fitted to all rows: log positions with less noise."
-        for one in nil
+        for one in findings
+        if is_nil(one)
     ]
 
 

@@ -13,7 +13,7 @@ from scipy.signal import lfilter
 from ident.card import Drive
 from ident.effects import load_catalogue
 from ident.effects.friction import LoadFriction, Viscous
-from ident.gap import baseline_model, belief, find_gap, naming
+from ident.gap import baseline_model, belief, find_gap, naming, reporter
 from ident.gap.candidates import Trial, kind_of
 from ident.gap.edge import edge_columns, with_less_edge
 from ident.gap.joint_gap import JointGap, Named
@@ -126,6 +126,17 @@ def test_what_lasts_and_follows_no_signal_is_unexplained(arm):
     (one,) = found.unexplained
     assert one.joints == (1,)
     assert one.depends_on == ("t (its own past)",)
+
+
+def test_a_name_of_which_the_model_delivered_has_nothing_is_withdrawn(arm, monkeypatch):
+    def hidden(t, q, dq):
+        return 0.4 * np.sign(dq[:, 1]) * np.exp(-(np.abs(dq[:, 1] / 0.04) ** 1.5))
+
+    # Other joints' rows deny no name here.
+    monkeypatch.setattr(reporter, "is_nil", lambda finding: bool(finding.terms))
+    found = structure(arm, hidden=hidden)
+    assert (found.findings, found.warnings, len(found.model.terms)) == ((), (), len(found.before.terms))
+    assert (1,) in [u.joints for u in found.unexplained]
 
 
 @pytest.mark.parametrize(("share", "kept"), [(0.03, ["cogging", "stribeck"]), (None, [])])
