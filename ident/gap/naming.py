@@ -17,7 +17,6 @@ from ident.gap.edge import with_less_edge
 from ident.gap.joint_gap import JointGap, Named
 from ident.gap.on_all import Whole, columns_of
 from ident.gap.panel import Panel
-from ident.gap.report import Finding
 from ident.gap.rests import slipless
 from ident.gap.search import Search, search
 from ident.gap.subject import Subject
@@ -50,15 +49,12 @@ class Causes:
     p_values: FloatArray
     stuck: list[int]
 
-    def without(self, denied: Sequence[Finding]) -> Causes:
-        """Causes of which joints' own are doubted that the other joints' rows deny.
-
-        Links seen in one joint's rows alone may bend to what is not there.
-        """
-        names = {(joint, finding.effect) for finding in denied for joint in finding.joints}
-        named = [[one for one in own if (j, one.effect.name) not in names] for j, own in enumerate(self.named)]
-        taken = ([one for one in own if one not in kept] for own, kept in zip(self.named, named, strict=True))
-        doubted = [[*old, *new] for old, new in zip(self.doubted, taken, strict=True)]
+    def without(self, denied: Sequence[Named]) -> Causes:
+        """Causes of which some of joints' own are doubted."""
+        named = [[one for one in own if one not in denied] for own in self.named]
+        doubted = [
+            [*old, *(one for one in own if one in denied)] for old, own in zip(self.doubted, self.named, strict=True)
+        ]
         return replace(self, named=named, doubted=doubted)
 
     def lateness(self, panel: Panel) -> FloatArray:

@@ -117,8 +117,7 @@ class Reporter:
         )
         if models:
             findings = _delivered(findings, models[-1], len(subject.model.terms))
-            denied = [f for f in findings if is_nil(f) and all(self._all_rows_seen(causes, j) for j in f.joints)]
-            if denied:
+            if denied := self._denied(causes, findings):
                 return self.report(causes.without(denied), contacts)
         models = [by_own_clock(model, subject.clock) for model in models]
         first, found_first = self._found_first()
@@ -132,9 +131,18 @@ class Reporter:
             panel, survey, (before, after), causes.p_values, shown, subject.rests.joints, self._warnings(findings),
         )  # fmt: skip
 
-    def _all_rows_seen(self, causes: Causes, joint: int) -> bool:
-        """Whether next to all of a joint's rows to which the model delivered is fitted were searched, too."""
-        return len(causes.gaps[joint].keep) > (1.0 - LEFT_OUT) * len(self.subject.gaps[joint].keep)
+    def _denied(self, causes: Causes, findings: Sequence[Finding]) -> list[Named]:
+        """Joints' own causes of which the model delivered has nothing though all its rows of the joint were searched.
+
+        Links seen in one joint's rows alone may bend to what the other joints' rows deny.
+        """
+        nil = {(joint, finding.effect) for finding in findings if is_nil(finding) for joint in finding.joints}
+        searched = [
+            names
+            for gap, names in zip(causes.gaps, causes.named, strict=True)
+            if len(gap.keep) > (1.0 - LEFT_OUT) * len(self.subject.gaps[gap.joint].keep)
+        ]
+        return [one for one in chain(*searched) if (one.effect.joint, one.effect.name) in nil]
 
     def _found_first(self) -> tuple[list[Finding], list[CurrentModel]]:
         """What was found before any other effect was tried, and the model with each."""
