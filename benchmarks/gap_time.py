@@ -19,7 +19,7 @@ def main() -> None:
     paths = [reference(maker.robot, kind, seconds, 60 + k, 100.0) for k, (kind, seconds) in enumerate(STYLE.pieces)]
     scene = maker.scene(paths)
     noise, strengths = maker.measure([scene])
-    log = maker.log(scene, maker.hidden(scene, strengths)[0], noise, 0)
+    log = maker.log(scene, maker.hidden(scene, strengths)[0].sum(axis=0), noise, 0)
     identify(maker.robot, [log], cutoff=8.0, effects=("coulomb",))  # compiles what both need
     begun = time.perf_counter()
     identify(maker.robot, [log])
