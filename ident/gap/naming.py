@@ -140,8 +140,9 @@ def _seen_anew(subject: Subject, searches: Sequence[Search]) -> list[Search]:
         Term(trial.effect, trial.shape, coefficients(subject.panel, searches[j].problem, trial, j))
         for j, trial in dependent.items()
     ])  # fmt: skip
-    anew = {one.joint: one for one in _searches(subject, [one.gap for one in searches if one.joint in dependent])}
-    if any(anew[one.joint].most < AS_MUCH * one.most for one in searches if one.joint in dependent):
+    unbent = [one for one in searches if one.joint in dependent]
+    anew = {one.joint: one for one in _searches(subject, [one.gap for one in unbent])}
+    if any(anew[one.joint].most < AS_MUCH * one.most for one in unbent):
         subject.panel, subject.survey = seen
         return list(searches)
     return [anew.get(one.joint, one) for one in searches]

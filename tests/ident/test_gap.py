@@ -35,7 +35,7 @@ def test_nothing_is_named_where_nothing_is_hidden(arm):
 
 def test_a_hidden_effect_is_named_sized_and_added(arm, tmp_path):
     # Not the catalogue's law: it falls with the power 1.5 of speed.
-    found = structure(arm, hidden=lambda t, q, dq: 0.4 * np.sign(dq[:, 1]) * np.exp(-(np.abs(dq[:, 1] / 0.04) ** 1.5)))
+    found = structure(arm, hidden=falls_with_speed)
     (one,) = found.findings
     assert (one.effect, one.joints, one.family) == ("stribeck", (1,), "friction")
     assert one.parameters["speed"] == pytest.approx(0.04, rel=0.15)
@@ -97,6 +97,11 @@ def test_what_the_catalogue_does_not_have_is_not_named(arm):
     assert "Hz" in one.depends_on[0]
 
 
+def falls_with_speed(t, q, dq):
+    """Dry friction of the second joint that falls over 40 mrad/s."""
+    return 0.4 * np.sign(dq[:, 1]) * np.exp(-(np.abs(dq[:, 1] / 0.04) ** 1.5))
+
+
 def follows_nothing(seconds, size):
     """Noise that lasts for some seconds, another in every log."""
 
@@ -115,7 +120,7 @@ def test_a_joint_is_given_one_spring():
 def test_names_that_leave_what_lasts_are_withdrawn(arm, monkeypatch):
     # The same logs have it named elsewhere here; only what the residual remembers is another.
     monkeypatch.setattr(belief, "remembered", lambda *_: 0.5)
-    found = structure(arm, hidden=lambda t, q, dq: 0.4 * np.sign(dq[:, 1]) * np.exp(-(np.abs(dq[:, 1] / 0.04) ** 1.5)))
+    found = structure(arm, hidden=falls_with_speed)
     assert found.findings == ()
     assert (1,) in [u.joints for u in found.unexplained]
 
@@ -129,12 +134,9 @@ def test_what_lasts_and_follows_no_signal_is_unexplained(arm):
 
 
 def test_a_name_of_which_the_model_delivered_has_nothing_is_withdrawn(arm, monkeypatch):
-    def hidden(t, q, dq):
-        return 0.4 * np.sign(dq[:, 1]) * np.exp(-(np.abs(dq[:, 1] / 0.04) ** 1.5))
-
     # Other joints' rows deny no name here.
     monkeypatch.setattr(reporter, "is_nil", lambda finding: bool(finding.terms))
-    found = structure(arm, hidden=hidden)
+    found = structure(arm, hidden=falls_with_speed)
     assert (found.findings, found.warnings, len(found.model.terms)) == ((), (), len(found.before.terms))
     assert (1,) in [u.joints for u in found.unexplained]
 
