@@ -37,8 +37,10 @@ BANDWIDTH = 2.0  # [Hz]
 FALSE_ALARMS = 1.0  # [1/h] asked for
 FIRST = 20.0  # [s] until every joint has moved: before, nobody knows the friction it stores
 STRONG = 1.5  # times the threshold of some joint
-COLUMNS = ("method", "false alarms/h", "missed", "strong missed", "delay [s]", "p95 [s]")
-COLUMNS += ("in set", "links", "nearest", "last felt", "AUROC")
+COLUMNS = (
+    *("method", "false alarms/h", "missed", "strong missed", "delay [s]", "p95 [s]"),
+    *("in set", "links", "nearest", "last felt", "AUROC"),
+)
 PUSHES_A_SECOND = 1.0 / 11.0  # about what contact_episodes draws
 MODELS = {
     "with memory": (Links, RotorInertia, MaxwellSlip, Viscous, CurrentOffset),

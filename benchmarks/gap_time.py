@@ -14,9 +14,9 @@ from ident.gap import baseline_model, find_gap
 STYLE = Style((("fourier", 250.0), ("slow", 150.0), ("stop_and_go", 200.0)))
 
 
-def main() -> None:
+def main(style: Style = STYLE) -> None:
     maker = Maker(Case("ur10", (Hidden("stribeck", 1, 1.0), Hidden("load-friction", 3, 1.0)), 6))
-    paths = [reference(maker.robot, kind, seconds, 60 + k, 100.0) for k, (kind, seconds) in enumerate(STYLE.pieces)]
+    paths = [reference(maker.robot, kind, seconds, 60 + k, 100.0) for k, (kind, seconds) in enumerate(style.pieces)]
     scene = maker.scene(paths)
     noise, strengths = maker.measure([scene])
     log = maker.log(scene, maker.hidden(scene, strengths)[0].sum(axis=0), noise, 0)

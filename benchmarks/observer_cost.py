@@ -15,6 +15,7 @@ os.environ.setdefault("NUMBA_NUM_THREADS", "1")
 import tempfile
 import time
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -134,7 +135,7 @@ def whole_log(robot: Robot) -> None:
     for name, make in makers(robot.n).items():
         observer = make(model)
         observer.run(log[:1000])
-        print(f"| {name} | {loop / best(lambda o=observer: o.run(log), rounds=2)[0]:.0f} |")
+        print(f"| {name} | {loop / best(partial(observer.run, log), rounds=2)[0]:.0f} |")
 
 
 def long_run() -> None:
