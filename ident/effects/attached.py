@@ -43,8 +43,13 @@ class Weighing(Effect):
 class Payload(Weighing):
     """A body held by the last link that the model does not know (Khalil, Gautier and Lemoine 2007).
 
-    Linear in its mass and first moments; its inertia about its own centre is left out.
+    Linear in its mass and moments. Most loads show by their weight alone: their inertia comes in where it shows, too.
+
+    Attributes:
+        inertia: whether its inertia about the last link's frame is part of it.
     """
+
+    inertia: bool = False
 
     name = "payload"
     family = "rigid-body"
@@ -52,19 +57,24 @@ class Payload(Weighing):
     excitation = "static poses in which the wrist axes point several ways, against a model of the unloaded arm"
 
     def coefficients(self, robot: Robot) -> tuple[Coefficient, ...]:
-        """Return mass and first moments in the last link's frame."""
+        """Return mass, first moments and, where it is part of it, inertia in the last link's frame."""
         moments = (Coefficient(name, "kg m") for name in ("mx", "my", "mz"))
-        return (Coefficient("mass", "kg"), *moments)
+        inertia = (Coefficient(name, "kg m^2") for name in ("Ixx", "Ixy", "Iyy", "Ixz", "Iyz", "Izz") if self.inertia)
+        return (Coefficient("mass", "kg"), *moments, *inertia)
+
+    def fuller(self, survey: Survey) -> list[Effect]:
+        """Return the load with its inertia."""
+        return [] if self.inertia else [replace(self, inertia=True)]
 
     def columns(self, context: Context, shape: FloatArray, memory: FloatArray) -> FloatArray:
         """Return the link regressor's columns of the last link."""
         last = 10 * int(context.robot.multibody.tree.order[-1])
-        return self.in_force_units(context.link_regressor[:, :, last : last + 4])
+        return self.in_force_units(context.link_regressor[:, :, last : last + (10 if self.inertia else 4)])
 
     def summary(self, robot: Robot, shape: FloatArray, coefficients: FloatArray) -> dict[str, float | list[float]]:
         """Return mass and centre of mass."""
         mass = float(coefficients[0])
-        return {"mass": mass, "com": (coefficients[1:] / (mass if mass else np.nan)).tolist()}
+        return {"mass": mass, "com": (coefficients[1:4] / (mass if mass else np.nan)).tolist()}
 
 
 @dataclass(frozen=True)

@@ -17,9 +17,10 @@ from ident.gap.candidates import Trial, forms, within_bounds
 from ident.gap.on_all import TINY, OnAll, Whole, columns_of, likelihoods
 from ident.gap.panel import Panel
 from ident.gap.problem import JointProblem, gain
-from ident.gap.search import GAIN, LEVEL, RIVAL_LAW, Search, falls
+from ident.gap.search import GAIN, LEVEL, PRICE, RIVAL_LAW, Search, falls
 from ident.gap.settle import LAW
 from ident.gap.threads import in_threads
+from ident.uncertainty import correlation_time
 
 SHARE = 0.85
 """Share of what the best effects of single joints explain, together, that one cause of the whole robot must."""
@@ -137,8 +138,22 @@ class _Judge:
             p_value = _p_value(self.panel, best, self.searches)
             if p_value <= LEVEL:
                 others = _alternatives(best, ranking, self._own(helped, explained))
+                for more in best.effect.fuller(self.survey):
+                    best = self._fuller(best, OnAll(self.panel, self.searches, more, self.before).at(best.shape))
                 return replace(best, p_value=p_value, alternatives=others, joint=int(np.argmax(explained)))
         return None
+
+    def _fuller(self, named: Whole, full: Whole | None) -> Whole:
+        """A cause with more of its law, if that pays for its parameters in independent samples (Schwarz 1978)."""
+        if full is None:
+            return named
+        squares = [one.held_out.sum(axis=1) for one in (named, full)]
+        left = [p.target - columns_of(self.panel, full, j)[p.keep] for j, p in enumerate(self.problems)]
+        times = [correlation_time(p.away(rest[:, None])[:, 0]) for p, rest in zip(self.problems, left, strict=True)]
+        samples = sum(len(p) / time for p, time in zip(self.problems, times, strict=True))
+        # What the motion does not show stays nought.
+        price = 0.5 * (np.count_nonzero(full.coefficients) - np.count_nonzero(named.coefficients)) * np.log(samples)
+        return full if np.sum(likelihoods(self.problems, *squares) / times) > PRICE * price else named
 
     def _alone(self, helped: IntArray, explained: FloatArray) -> bool:
         """Whether a cause shows on one joint alone."""

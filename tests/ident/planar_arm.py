@@ -29,10 +29,11 @@ def friction(dq):
     return np.array([1.5, 0.8]) * np.tanh(dq / 2e-3) + np.array([1.0, 0.5]) * dq
 
 
-def record(arm, seed, hidden=None, mass=0.0):
+def record(arm, seed, hidden=None, mass=0.0, inertia=0.0):
     t, q, dq, ddq = motion(seed)
     parameters = arm.multibody.parameters.copy()
     parameters[10:14] += mass * np.array([1.0, 0.4, 0.0, 0.0])
+    parameters[16] += inertia  # about the joints' axes
     torque = arm.rigid_body.inverse_dynamics(q, dq, ddq, np.tile(parameters, (2, 1)))
     torque += friction(dq)
     torque += NOISE * np.random.default_rng(seed + 50).standard_normal(q.shape)
