@@ -21,6 +21,9 @@ NEVER_MOVES = 2e-3
 FURTHER, ROWS = 0.1, 0.05
 """Logs go further than others if this share of their rows is this share of the others' range beyond it."""
 
+WITHIN = 0.2
+"""Share of what a model leaves that its own errors may make up, from which on it is said."""
+
 SPARSE = 10
 """Of so many rows one is looked at."""
 
@@ -47,6 +50,16 @@ def gain_warnings(estimate: GainEstimate | None) -> list[str]:
         f"Joint {j + 1}: the logs leave its drive gain open, {estimate.reason[j]}; its forces in N m rest on a "
         f"gain between {estimate.low[j]:.3g} and {estimate.high[j]:.3g}."
         for j in np.flatnonzero(estimate.open)
+    ]
+
+
+def error_warnings(robot: Robot, share: FloatArray) -> list[str]:
+    """Name joints whose gap, a share (n,) of it, may be no change but the errors of a model held fixed."""
+    return [
+        f"Joint {j + 1} ({robot.joints[j]}): {share[j]:.0%} of the squared gap that is left lies within the errors of "
+        "the model's own parameters, so it is no sign of a change: identify the model from longer or richer logs "
+        "(sensorless excite)."
+        for j in np.flatnonzero(share >= WITHIN)
     ]
 
 

@@ -16,7 +16,7 @@ from ident.log import LogSource
 from ident.model import CurrentModel
 from ident.robot import Robot
 from ident.shapes import optimise_shapes
-from ident.uncertainty import covariance
+from ident.uncertainty import covariance, independent_errors
 from ident.walk import Block, collect, kept_rows, slowest_rate, thin, walk
 
 HUBER = 1.345
@@ -185,12 +185,13 @@ def with_coefficients(design: Design, parameters: FloatArray) -> tuple[Term, ...
 
 
 def with_std(design: Design, terms: Iterable[Term], spread: FloatArray) -> tuple[Term, ...]:
-    """Return terms with the standard deviations of their coefficients and shapes; NaN where not determined."""
+    """Return terms with standard deviations of their coefficients and shapes, NaN where not determined, and errors."""
     std = np.sqrt(np.maximum(np.diag(spread), 0.0))
     std[std == 0.0] = np.nan
+    errors = independent_errors(spread[: design.count, : design.count])
     described, shape = [], design.count
     for k, term in enumerate(terms):
-        count = len(term.shape)
-        described.append(replace(term, std=std[design.columns_of_term(k)], shape_std=std[shape : shape + count]))
+        count, own = len(term.shape), design.columns_of_term(k)
+        described.append(replace(term, std=std[own], shape_std=std[shape : shape + count], errors=errors[own]))
         shape += count
     return tuple(described)

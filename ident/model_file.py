@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import json
+import re
 from dataclasses import fields
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from ident.arrays import FloatArray
 from ident.effects import load_catalogue
 from ident.effects.base import Effect, Term
 from ident.errors import InputError
@@ -18,9 +20,15 @@ from ident.robot import Robot
 FILE = "model.json"
 FORMAT = 1
 
+NUMBERS = re.compile(r"\[\s+[-+.e\d]+(,\s+[-+.e\d]+)*\s+\]")
+"""A list of numbers, which takes one line."""
+
+DIGITS = 4
+"""Significant digits of errors."""
+
 
 def save_model(model: CurrentModel, folder: Path) -> None:
-    """Write the model to ``folder/model.json``: effects, parameters with units and standard deviations.
+    """Write the model to ``folder/model.json``: effects, parameters with units, standard deviations, joint errors.
 
     Args:
         model: what to write.
@@ -38,7 +46,8 @@ def save_model(model: CurrentModel, folder: Path) -> None:
         "positions_only": model.positions_only,
         "terms": [_write(model, term) for term in model.terms],
     }
-    (folder / FILE).write_text(json.dumps(content, indent=1) + "\n")
+    written = json.dumps(content, indent=1)
+    (folder / FILE).write_text(NUMBERS.sub(lambda row: "[" + " ".join(row.group()[1:-1].split()) + "]", written) + "\n")
 
 
 def load_model(folder: str | Path, robot: Robot) -> CurrentModel:
@@ -68,7 +77,7 @@ def load_model(folder: str | Path, robot: Robot) -> CurrentModel:
     try:
         return CurrentModel(
             robot,
-            tuple(_read(robot, term, path) for term in content["terms"]),
+            _terms(robot, content["terms"], path),
             float(content["cutoff_hertz"]),
             float(content["rate_hertz"]),
             np.array(content["gain"], dtype=float),
@@ -96,7 +105,15 @@ def _write(model: CurrentModel, term: Term) -> dict[str, Any]:
                 effect.coefficients(model.robot), term.coefficients.tolist(), term.std.tolist(), strict=True
             )
         ],
+        **({"errors": [[_rounded(e) for e in row] for row in term.errors.tolist()]} if term.errors.size else {}),
     }
+
+
+def _terms(robot: Robot, written: list[dict[str, Any]], path: Path) -> tuple[Term, ...]:
+    terms = tuple(_read(robot, term, path) for term in written)
+    if len({term.errors.shape[1] for term in terms} - {0}) > 1:
+        raise ValueError("errors, of which some terms have more than others")
+    return terms
 
 
 def _read(robot: Robot, written: dict[str, Any], path: Path) -> Term:
@@ -121,7 +138,20 @@ def _read(robot: Robot, written: dict[str, Any], path: Path) -> Term:
         np.array([c["value"] for c in written["coefficients"]], dtype=float),
         np.array([np.nan if c["std"] is None else c["std"] for c in written["coefficients"]], dtype=float),
         np.array([np.nan if s["std"] is None else s["std"] for s in written["shape"]], dtype=float),
+        _errors(written, len(names)),
     )
+
+
+def _errors(written: dict[str, Any], count: int) -> FloatArray:
+    """Errors (count, k) of a term's coefficients; none where they were not known."""
+    rows = written.get("errors", [[]] * count)
+    if [len(row) for row in rows] != [len(rows[0])] * count:
+        raise ValueError(f"errors of {written['effect']}")
+    return np.array(rows, dtype=float)
+
+
+def _rounded(value: float) -> float:
+    return float(f"{value:.{DIGITS}g}")
 
 
 def _number(value: float) -> float | None:

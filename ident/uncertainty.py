@@ -17,6 +17,9 @@ from ident.walk import Block
 if TYPE_CHECKING:
     from ident.robot import Robot
 
+ROUNDING = 1e-12
+"""Least variance in a direction, over the largest, that is no rounding."""
+
 LAGS = 1024
 """Longest lag of the residual's autocovariance; the window that tapers it is chosen from the data, up to this."""
 
@@ -65,6 +68,22 @@ def covariance(terms: tuple[Term, ...], design: Design, solution: Solution, bloc
         meat[np.ix_(columns, columns)] += solution.weights[j] ** 2 * middle
     chosen = np.concatenate([place, *shapes])
     return np.asarray((bread @ meat @ bread)[np.ix_(chosen, chosen)])
+
+
+def independent_errors(scatter: FloatArray) -> FloatArray:
+    """Errors (p, k) that are independent of one another, each of one standard deviation, largest first.
+
+    Args:
+        scatter: covariance (p, p) of estimates; of one that is not known (NaN) there are none.
+    """
+    if not np.isfinite(scatter).all():
+        return np.zeros((len(scatter), 0))
+    size = np.sqrt(np.maximum(np.diag(scatter), 0.0))
+    scale = np.where(size > 0.0, size, 1.0)
+    values, vectors = np.linalg.eigh(scatter / np.outer(scale, scale))
+    some = np.flatnonzero(values > ROUNDING * values.max(initial=0.0))[::-1]
+    errors: FloatArray = scale[:, None] * vectors[:, some] * np.sqrt(values[some])
+    return errors
 
 
 @dataclass(frozen=True)

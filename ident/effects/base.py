@@ -179,6 +179,7 @@ class Survey:
         cutoff: of the filter that derives velocity and acceleration [Hz].
         inertia: mean inertia (n,) of the links that each joint moves, in the model's force unit per rad/s^2 or m/s^2.
         motor: what of it (n,) is the motors', since links as fitted have it and those of the URDF have not.
+        held: whether the model is held fixed, and was identified from other logs.
     """
 
     robot: Robot
@@ -201,6 +202,7 @@ class Survey:
     cutoff: float
     inertia: FloatArray
     motor: FloatArray
+    held: bool = False
 
 
 @dataclass(frozen=True)
@@ -380,6 +382,8 @@ class Term:
         coefficients: values of its linear parameters.
         std: standard deviations of the coefficients; NaN where a parameter is not determined.
         shape_std: standard deviations of the shape parameters.
+        errors: errors (c, k) of the coefficients, independent of one another and each of one standard deviation, that
+            all terms of a model make together; none where they are not known.
     """
 
     effect: Effect
@@ -387,6 +391,7 @@ class Term:
     coefficients: FloatArray = field(default_factory=lambda: np.zeros(0))
     std: FloatArray = field(default_factory=lambda: np.zeros(0))
     shape_std: FloatArray = field(default_factory=lambda: np.zeros(0))
+    errors: FloatArray = field(default_factory=lambda: np.zeros((0, 0)))
 
 
 def initial_term(effect: Effect) -> Term:

@@ -40,6 +40,8 @@ class ThermalFriction(DirectedEffect):
         logged: share of the time since then that logs cover; nought where each segment starts cold.
         steady: whether the power is, moved or not.
         mixed: whether a share of it is, which is searched for.
+        warm: whether the friction that it changes is that of a warm joint, with a heat of one, as a model may have it
+            that is held against logs which start cold.
     """
 
     pace: float = 1.0
@@ -50,6 +52,7 @@ class ThermalFriction(DirectedEffect):
     logged: float = 0.0
     steady: bool = False
     mixed: bool = False
+    warm: bool = False
 
     name = "thermal-friction"
     family = "friction"
@@ -64,6 +67,7 @@ class ThermalFriction(DirectedEffect):
         figures = (float(figure[joint]) for figure in (survey.pace, survey.friction, survey.viscous))
         own = replace(cls.seen(survey, joint, *figures, survey.since), logged=survey.logged)
         forms = [own, replace(own, logged=1.0, steady=True)]
+        forms += [replace(form, warm=True) for form in forms if survey.held]
         if survey.begins:
             return [*forms, *(replace(form, begins=survey.begins) for form in forms)]
         return [*forms, *(replace(form, logged=0.0) for form in forms if survey.logged < COVERED)]
@@ -94,7 +98,7 @@ class ThermalFriction(DirectedEffect):
         return np.concatenate([[0.0, np.nan], super().start()])
 
     def columns(self, context: Context, shape: FloatArray, memory: FloatArray) -> FloatArray:
-        """Return (1 - exp(-waning heat)) / waning times sign(dq), and times dq."""
+        """Return (1 - exp(-waning heat)) / waning, or what that has to the warm joint's, times sign(dq) and dq."""
         velocity = self.velocity(context)
         speed = np.abs(velocity) / max(self.pace, 1e-9)
         standing = float(shape[2]) if self.mixed else float(self.steady)
@@ -102,7 +106,8 @@ class ThermalFriction(DirectedEffect):
         t = elapsed(np.ascontiguousarray(context.motion.t), self.since, self.begins)
         heat = _heat(t, np.nan_to_num(power), float(shape[0]), self.logged, memory)
         both = np.stack([self.direction(context, memory[2:]), velocity], axis=1)
-        return _change(heat, float(shape[1]))[:, None] * both
+        waning = float(shape[1])
+        return (_change(heat, waning) - (_change(1.0, waning) if self.warm else 0.0))[:, None] * both
 
     def summary(self, robot: Robot, shape: FloatArray, coefficients: FloatArray) -> dict[str, float | list[float]]:
         """Return the share of dry and viscous friction at the mean speed that is lost when warm, and the time constant.

@@ -67,11 +67,13 @@ class FoldSums:
         own: X'X (folds, p, p).
         target: X'y (folds, p).
         squares: y'y (folds,).
+        prior: what the square of each of their coefficients costs (p,), whichever folds they are fitted to.
     """
 
     own: FloatArray
     target: FloatArray
     squares: FloatArray
+    prior: FloatArray
 
     @cached_property
     def _normals(self) -> dict[tuple[int | None, float], Normal]:
@@ -81,7 +83,7 @@ class FoldSums:
         """Normal equations from all folds but one; decomposed once, whatever is tried beside them."""
         key = without, leaning
         if key not in self._normals:
-            self._normals[key] = Normal(whole(self.own, without, leaning))
+            self._normals[key] = Normal(whole(self.own, without, leaning) + np.diag(self.prior))
         return self._normals[key]
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -60,6 +60,8 @@ class JointGap:
         edge: columns (N, k), of a joint that sticks, by which its sign of velocity may turn otherwise than modelled.
         parts: number of each row's fold (N,), where the panel's folds would leave one with hardly any row that counts.
         wholes: causes of the whole robot that it has besides, and by how much each lowered its squared residual.
+        prior: what the square of each of the first coefficients (k,) costs, where the model is held fixed: they stand
+            for errors of its parameters, each of one standard deviation.
     """
 
     joint: int
@@ -73,6 +75,12 @@ class JointGap:
     edge: FloatArray | None = None
     parts: IntArray | None = None
     wholes: tuple[tuple[Effect, float], ...] = ()
+    prior: FloatArray = field(default_factory=lambda: np.zeros(0))
+
+    @property
+    def refitted(self) -> bool:
+        """Whether the model's own parameters are fitted anew, instead of held to what is known of them."""
+        return bool(self.matrix.shape[1] > self.nuisance + len(self.prior))
 
     def bare(self) -> JointGap:
         """The same without nuisance."""
@@ -128,7 +136,7 @@ class JointGap:
 
     def problem(self, panel: Panel, named: Sequence[Trial] = ()) -> JointProblem:
         """The regression with effects named so far among the baseline's columns."""
-        return JointProblem(self._matrix(panel, named), self.target, self.fold(panel), self.keep)
+        return self._problem(panel, self._matrix(panel, named), self.keep)
 
     def coefficients_of(self, panel: Panel, one: Named, named: Sequence[Named]) -> FloatArray:
         """A name's linear parameters beside the other names of the joint."""
@@ -144,7 +152,7 @@ class JointGap:
             fitted: rows (N,) that it is fitted to; by default those that count.
         """
         matrix = self._matrix(panel, named)
-        found = JointProblem(matrix, self.target, self.fold(panel), self.keep if fitted is None else fitted).fit()
+        found = self._problem(panel, matrix, self.keep if fitted is None else fitted).fit()
         own, every = self.matrix.shape[1], np.arange(matrix.shape[1])
         plain = (every < own - self.nuisance) | (every >= own)
         left: FloatArray = self.target - matrix[:, plain] @ found[plain]
@@ -156,16 +164,22 @@ class JointGap:
         matrix = self._matrix(panel, named)
         size = sizes(matrix)
         scaled = matrix[:, size > 0] / size[size > 0]
-        values, vectors = np.linalg.eigh(scaled[fitted].T @ scaled[fitted])
+        prior = np.zeros(len(size))
+        prior[: len(self.prior)] = self.prior
+        known = np.diag(prior[size > 0] / size[size > 0] ** 2)
+        values, vectors = np.linalg.eigh(scaled[fitted].T @ scaled[fitted] + known)
         spread = vectors / np.sqrt(np.maximum(values, LEAST * values.max(initial=0.0)))
         told: FloatArray = np.sum((scaled @ spread) ** 2, axis=1)
         return told
+
+    def _problem(self, panel: Panel, matrix: FloatArray, rows: BoolArray) -> JointProblem:
+        return JointProblem(matrix, self.target, self.fold(panel), rows, self.prior)
 
     def _matrix(self, panel: Panel, named: Sequence[Trial]) -> FloatArray:
         """The baseline's columns and those of effects whose coefficients keep to their bounds, in all rows."""
         if not named:
             return self.matrix
-        plain = JointProblem(self.matrix, self.target, self.fold(panel), self.keep)
+        plain = self._problem(panel, self.matrix, self.keep)
         found = [(trial.effect, panel.columns(trial.effect, trial.shape, self.joint)) for trial in named]
         return np.hstack([self.matrix, *(c[:, usable(panel, plain, effect, plain.of(c))] for effect, c in found)])
 

@@ -44,7 +44,7 @@ def untestable(
         Untestable(name, () if len(joints) == panel.robot.n else tuple(joints), reason)
         for (name, reason), joints in found.items()
     ]
-    if gaps and gaps[0].matrix.shape[1] > gaps[0].nuisance:  # some columns are fitted anew
+    if gaps and gaps[0].refitted:
         absorbed = "links that are fitted anew absorb it: give --model of the robot without it"
         result += [Untestable(name, (), absorbed) for name in ("payload",) if name in load_catalogue()]
     return result

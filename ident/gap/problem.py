@@ -23,6 +23,8 @@ LEAST = 1e-11
 OWN = 1e-6
 """Share of a column's size that the baseline must leave, for the rest is rounding."""
 
+NONE = np.zeros(0)
+
 NOTHING = 1e-6
 """Share of a column's size in all rows below which what the rows that count have of it is rounding."""
 
@@ -117,14 +119,19 @@ class JointProblem:
         target: what they are fitted to, (N,).
         fold: number of each row's fold (N,).
         keep: rows that count, (N,).
+        prior: what the square of each of the first coefficients costs, in squares of the target (k,); others are free.
     """
 
-    def __init__(self, matrix: FloatArray, target: FloatArray, fold: IntArray, keep: BoolArray) -> None:
+    def __init__(
+        self, matrix: FloatArray, target: FloatArray, fold: IntArray, keep: BoolArray, prior: FloatArray = NONE
+    ) -> None:
         self.keep, self._left_out = np.flatnonzero(keep), np.flatnonzero(~keep)
         size, whole = sizes(matrix[self.keep]), sizes(matrix)
         # Where a joint moves alone, others' columns are rounding: what that is fitted to is no force elsewhere.
         self.norm = np.where(size > NOTHING * whole, size, np.where(whole > 0, whole, 1.0))
         self.matrix = matrix[self.keep] / self.norm
+        self.prior = np.zeros(len(self.norm))
+        self.prior[: len(prior)] = prior / self.norm[: len(prior)] ** 2
         self.target = target[self.keep]
         self.fold = fold[self.keep]
         # A fold none of whose rows counts is one still: all joints have as many.
@@ -135,7 +142,7 @@ class JointProblem:
             products_of(x, y)
             for x, y in ((self._parts, self._parts), (self._parts, self._targets), (self._targets, self._targets))
         )
-        self._sums = FoldSums(own, target[:, :, 0], square[:, 0, 0])
+        self._sums = FoldSums(own, target[:, :, 0], square[:, 0, 0], self.prior)
 
     def __len__(self) -> int:
         return len(self.target)
@@ -150,14 +157,15 @@ class JointProblem:
 
     @cached_property
     def basis(self) -> FloatArray:
-        """Orthonormal basis of the baseline's columns."""
+        """Basis B of the baseline's columns by which they absorb BB'y of y: orthonormal where coefficients are free."""
         if self.matrix.shape[1] == 0:
             return np.zeros((len(self.target), 0))
-        values, vectors = np.linalg.eigh(products(self.matrix, self.matrix))
+        values, vectors = np.linalg.eigh(products(self.matrix, self.matrix) + np.diag(self.prior))
         good = values > LEAST * max(values[-1], 1e-300)
-        first = self.matrix @ (vectors[:, good] / np.sqrt(values[good]))
+        scaled = vectors[:, good] / np.sqrt(values[good])
+        first = self.matrix @ scaled
         # Once more, for the digits that the first pass lost; a QR of all rows takes nine times as long.
-        lower = np.linalg.cholesky(products(first, first))
+        lower = np.linalg.cholesky(products(first, first) + products(scaled, self.prior[:, None] * scaled))
         return np.asarray(first @ np.linalg.inv(lower).T, dtype=np.float64)
 
     @cached_property
@@ -169,6 +177,13 @@ class JointProblem:
     def residual(self) -> FloatArray:
         """What the baseline leaves of the target."""
         return self.away(self.target[:, None])[:, 0]
+
+    @cached_property
+    def within_prior(self) -> FloatArray:
+        """What (N,) columns take up of the target whose coefficients cost something."""
+        known = self.prior > 0.0
+        found: FloatArray = self.matrix[:, known] @ (self.fit() * self.norm)[known]
+        return found
 
     def away(self, columns: FloatArray) -> FloatArray:
         """Part of columns (N, k) that the baseline's cannot absorb."""

@@ -88,7 +88,8 @@ class GapReport:
         untestable: what the logs could not show.
         map_before, map_after: the gap by joint and regime, on the train logs.
         panel, survey: the rows that were looked at.
-        residuals: of those rows, before and after, (N, n), in force units; NaN in rows that were left out.
+        residuals: of those rows, before and after, (N, n), in force units; NaN in rows that were left out. Without what
+            a model held fixed may itself err by, which the maps show.
         p_values: chance (n,), over all joints, of so good a first candidate on each joint where there is nothing.
         evidence: errors on the test logs, finding by finding; None where there are no test logs.
         rests: joints, from 0, that stick: their rests were left out, but for the errors on test logs.

@@ -10,7 +10,7 @@ from itertools import chain
 import numpy as np
 
 from ident.arrays import FloatArray
-from ident.cautions import reach_warnings, sign_warnings, still_joints, still_warnings
+from ident.cautions import error_warnings, reach_warnings, sign_warnings, still_joints, still_warnings
 from ident.effects.base import Effect, Term
 from ident.gap.belief import unexplained
 from ident.gap.candidates import Trial
@@ -21,6 +21,7 @@ from ident.gap.joint_gap import JointGap, Named
 from ident.gap.localise import gap_map
 from ident.gap.naming import Causes
 from ident.gap.on_all import Whole, columns_of
+from ident.gap.own_errors import share_within
 from ident.gap.panel import Panel
 from ident.gap.preflight import untestable
 from ident.gap.report import Finding, GapReport, Unexplained
@@ -87,6 +88,7 @@ class Reporter:
         findings = [self._whole_finding(w, causes.gaps[w.joint], causes.named[w.joint]) for w in causes.wholes]
         errors = mistimed(subject.model, panel, survey)
         before, after = (np.full((len(panel), subject.model.n), np.nan) for _ in range(2))
+        own, within = [np.zeros_like(before) for _ in range(2)], np.zeros(subject.model.n)
         # Before causes of the whole robot were taken away.
         problems = [replace(gap, target=subject.gaps[gap.joint].target).problem(panel) for gap in causes.gaps]
 
@@ -94,6 +96,8 @@ class Reporter:
             gap, names, plain = causes.gaps[joint], causes.named[joint], problems[joint]
             full = gap.problem(panel, [n.trial for n in names])
             before[plain.keep, joint], after[full.keep, joint] = plain.residual, full.residual
+            own[0][plain.keep, joint], own[1][full.keep, joint] = plain.within_prior, full.within_prior
+            within[joint] = share_within(full)
             return [self._joint_finding(gap, names, one, plain.errors().total) for one in names]
 
         findings += chain(*in_threads(see, range(len(problems))))
@@ -124,11 +128,13 @@ class Reporter:
         findings, models = [*first, *findings], [*found_first, *models]
         shown = evidence([self.start.model, *models], self.test, subject.rests) if self.test else None
         model = models[-1] if models else subject.model
-        maps = [gap_map(panel, survey, r) for r in (before, after)]
+        # What a model held fixed may err by is a gap all the same.
+        maps = [gap_map(panel, survey, r + errors) for r, errors in zip((before, after), own, strict=True)]
         self.tell(1.0)
         return GapReport(
             self.start.model, model, tuple(findings), tuple(nameless), tuple(missing), maps[0], maps[1],
-            panel, survey, (before, after), causes.p_values, shown, subject.rests.joints, self._warnings(findings),
+            panel, survey, (before, after), causes.p_values, shown, subject.rests.joints,
+            self._warnings(findings, within),
         )  # fmt: skip
 
     def _denied(self, causes: Causes, findings: Sequence[Finding]) -> list[Named]:
@@ -158,8 +164,11 @@ class Reporter:
         steps = range(0 if lag is not None else 1, len(gains) + 1)
         return findings, [model if k == len(gains) else self.subject.fitted(plain, gains[:k]) for k in steps]
 
-    def _warnings(self, findings: Sequence[Finding]) -> tuple[str, ...]:
-        """What the user should look at: joints that stand still, flipped signs, logs that go further, clocks, nil."""
+    def _warnings(self, findings: Sequence[Finding], within: FloatArray) -> tuple[str, ...]:
+        """What the user should look at: joints that stand still, flipped signs, logs that go further, clocks, nil.
+
+        And the share (n,) of what is left of each joint that a model held fixed may err by.
+        """
         model, held = self.subject.model, self.subject.panel.blocks
         return (
             *sign_warnings(self.start.model, held),
@@ -167,6 +176,7 @@ class Reporter:
             *reach_warnings(model.robot, self.subject.train, self.test, model.cutoff),
             *clock_warnings(self.subject.clock, [finding.effect for finding in findings]),
             *nil_warnings(findings),
+            *error_warnings(model.robot, within),
         )
 
     def _whole_finding(self, whole: Whole, gap: JointGap, named: Sequence[Named]) -> Finding:

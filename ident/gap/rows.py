@@ -13,6 +13,7 @@ from ident.errors import InputError
 from ident.gap.edge import edge_columns
 from ident.gap.folds import folds_of
 from ident.gap.joint_gap import JointGap
+from ident.gap.own_errors import own_errors
 from ident.gap.panel import Panel
 from ident.log import LogSource
 from ident.model import NEWTON_METRE, CurrentModel
@@ -49,8 +50,8 @@ def panel_of(model: CurrentModel, sources: Sequence[LogSource], limit: int = ROW
     return Panel(model, blocks, contexts, rows, folds_of(blocks, rows))
 
 
-def survey_of(model: CurrentModel, panel: Panel, begins: tuple[float, ...] = ()) -> Survey:
-    """Facts about the logs that candidates are built from."""
+def survey_of(model: CurrentModel, panel: Panel, begins: tuple[float, ...] = (), held: bool = False) -> Survey:
+    """Facts about the logs that candidates are built from, and whether the model is held fixed."""
     robot = model.robot
     speed = np.abs(panel.velocity)
     dry, viscous = _holds(model), np.zeros(robot.n)
@@ -82,6 +83,7 @@ def survey_of(model: CurrentModel, panel: Panel, begins: tuple[float, ...] = ())
         cutoff=model.cutoff,
         inertia=panel.inertia,
         motor=_motor(panel, nominal),
+        held=held,
     )
 
 
@@ -106,21 +108,33 @@ def gap_of(model: CurrentModel, panel: Panel, joint: int) -> JointGap:
 
 
 def held_of(model: CurrentModel, panel: Panel, joint: int) -> JointGap:
-    """A joint's rows as the model, held fixed, leaves them."""
+    """A joint's rows as the model, held fixed, leaves them, with the errors that its parameters may have."""
     own = [t for t in model.terms if t.effect.acts_on in (None, joint)]
     edge = edge_columns(panel, own, joint)
     forces = [panel.columns(t.effect, t.shape, joint) @ t.coefficients for t in own]
+    left = panel.force[:, joint] - np.sum(forces, axis=0)
     friction = [force for t, force in zip(own, forces, strict=True) if t.effect.family == "friction"]
     everything = np.ones(len(panel), dtype=bool)
-    left = panel.force[:, joint] - np.sum(forces, axis=0)
+    errors, prior = own_errors(panel, own, joint, left, edge)
     return JointGap(
-        joint, edge, left, everything, (), edge.shape[1], np.column_stack(friction) if friction else None
-    )  # fmt: skip
+        joint,
+        np.hstack([errors, edge]),
+        left,
+        everything,
+        (),
+        edge.shape[1],
+        np.column_stack(friction) if friction else None,
+        prior=prior,
+    )
 
 
 def left_by(model: CurrentModel, panel: Panel) -> FloatArray:
     """What a model as it is leaves of all rows, (N, n)."""
-    return np.stack([held_of(model, panel, j).target for j in range(model.n)], axis=1)
+    left = panel.force.copy()
+    for term in model.terms:
+        for j in range(model.n) if term.effect.acts_on is None else [term.effect.acts_on]:
+            left[:, j] -= panel.columns(term.effect, term.shape, j) @ term.coefficients
+    return left
 
 
 def _smoothing(model: CurrentModel, joint: int) -> float:

@@ -85,7 +85,7 @@ class Subject:
         """See the logs by the links that the model has once these terms are fitted with it."""
         beside = self.fitted(self.model, terms, spread=False)
         self.panel = self.panel.seen_by(replace(beside, terms=beside.terms[: -len(terms)]))
-        self.survey = survey_of(self.model, self.panel, self.clock.begins)
+        self.survey = survey_of(self.model, self.panel, self.clock.begins, not self.refit)
 
     def gap(self, panel: Panel, joint: int) -> JointGap:
         """The joint's rows: the model's columns if it is refitted, else what it leaves; of one that sticks no rests."""
@@ -117,5 +117,5 @@ class Subject:
         self.panel = panel_of(self.model, self.train)
         if len(self.panel) < LEAST_ROWS:
             raise InputError("too few rows", ", ".join(s.name for s in self.train), "give longer logs")
-        self.survey = survey_of(self.model, self.panel, self.clock.begins)
+        self.survey = survey_of(self.model, self.panel, self.clock.begins, not self.refit)
         self.gaps = [self.gap(self.panel, j) for j in range(self.model.n)]

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from planar_arm import logs, record
+from planar_arm import NOISE, logs, record
 
 from ident.effects.friction import Coulomb
 from ident.effects.friction_curve import Stribeck
@@ -14,6 +14,8 @@ from ident.gap.gate import Gate
 from ident.gap.joint_gap import JointGap
 from ident.gap.problem import JointProblem
 from ident.gap.search import Search
+from ident.gap.subject import Subject
+from ident.log import JointLog
 
 
 def test_a_change_is_named_against_a_model_held_fixed(arm):
@@ -23,6 +25,27 @@ def test_a_change_is_named_against_a_model_held_fixed(arm):
     assert found.findings[0].joints == ()
     assert found.findings[0].parameters["mass"] == pytest.approx(0.5, rel=0.2)
     assert np.all(found.evidence.after < 0.5 * found.evidence.before)
+
+
+@pytest.mark.parametrize("inertia", [0.0, 0.12])
+def test_a_payload_has_the_inertia_that_shows(arm, inertia):
+    model = baseline_model(arm, logs(arm, 1))
+    found = find_gap(model, logs(arm, 4, mass=0.5, inertia=inertia), refit=False)
+    assert [one.effect for one in found.findings] == ["payload"]
+    term = found.findings[0].terms[0]
+    assert term.effect.inertia == (inertia > 0.0)
+    assert found.findings[0].parameters["mass"] == pytest.approx(0.5, rel=0.2)
+    if inertia:
+        assert term.coefficients[6] == pytest.approx(inertia, rel=0.15)
+
+
+def test_a_cold_start_is_one_name_against_a_model_of_the_warm_joint(arm):
+    model = baseline_model(arm, logs(arm, 1))
+    cold = logs(arm, 4, hidden=lambda t, q, dq: 0.25 * np.exp(-t / 25.0) * np.tanh(dq[:, 1] / 2e-3))
+    found = find_gap(model, cold, refit=False)
+    assert [(one.effect, one.joints) for one in found.findings] == [("thermal-friction", (1,))]
+    assert found.findings[0].terms[0].effect.warm
+    assert found.findings[0].parameters["seconds"] == pytest.approx(25.0, rel=0.3)
 
 
 def test_a_term_that_a_model_lacks_is_named_before_laws_that_contain_it(arm):
@@ -48,6 +71,27 @@ def test_a_tenth_more_damping_is_named_beside_noise(arm):
     found = find_gap(model, logs(arm, 4, hidden=lambda t, q, dq: 0.05 * dq[:, 1]), refit=False)
     assert [(one.effect, one.joints) for one in found.findings] == [("viscous", (1,))]
     assert found.findings[0].parameters["damping"] == pytest.approx(0.05, rel=0.1)
+
+
+def test_what_a_model_may_err_by_is_no_change(arm):
+    little = record(arm, 1)
+    rows = slice(1500, 3000)
+    slow = JointLog(t=little.t[rows], q=little.q[rows], current=little.current[rows], name="slow")
+    model, now = baseline_model(arm, [slow]), logs(arm, 4)
+    found = find_gap(model, now, refit=False)
+    assert not found.findings
+    assert not found.unexplained
+    assert "Joint 1 (a): 98% of the squared gap that is left lies within the errors" in found.warnings[0]
+    assert np.nanmax(found.map_before.rms[0]) > 0.5  # the map shows it all the same
+    assert found.noise_floor == pytest.approx(NOISE, rel=0.05)
+    sure = replace(model, terms=tuple(replace(term, errors=np.zeros((0, 0))) for term in model.terms))
+    assert find_gap(sure, now, refit=False).findings
+
+
+def test_a_model_identified_from_as_much_is_known_well(arm):
+    subject = Subject(baseline_model(arm, logs(arm, 1)), logs(arm, 4, mass=0.5), refit=False)
+    subject.look()
+    assert [len(gap.prior) for gap in subject.gaps] == [0, 0]
 
 
 @pytest.mark.parametrize(("change", "share"), [(0.02, 1.0), (0.2, 1.0 - 0.85**2)])

@@ -40,6 +40,25 @@ def test_columns_explain_what_least_squares_says(baseline, scale):
     np.testing.assert_allclose(problem.drops(own)[0], [before @ before - x @ x for x in each], rtol=1e-6)
 
 
+def test_known_coefficients_are_told_by_rows_that_say_so(baseline):
+    rng = np.random.default_rng(5)
+    column, keep = rng.standard_normal((4000, 1)), rng.random(4000) < 0.7
+    target = baseline @ rng.standard_normal(6) + 0.4 * column[:, 0] + rng.standard_normal(4000)
+    prior = np.array([2000.0, 300.0, 0.5])
+    problem, own = JointProblem(baseline, target, FOLD, keep, prior), column[keep]
+    said = np.diag(np.sqrt(np.append(prior, np.zeros(4))))[:3]
+    rows = np.vstack([np.hstack([baseline[keep], own]), said])
+    wanted = np.append(target[keep], np.zeros(3))
+    found = np.linalg.lstsq(rows, wanted)[0]
+    np.testing.assert_allclose(problem.left(own), target[keep] - rows[:-3] @ found, atol=1e-6)
+    np.testing.assert_allclose(problem.beyond(own).coefficients, found[6:], rtol=1e-6)
+    before, after = left(rows[:, :6], wanted), wanted - rows @ found
+    assert problem.drop(own) == pytest.approx(before @ before - after @ after, rel=1e-6)
+    plain = np.linalg.lstsq(rows[:, :6], wanted)[0]
+    np.testing.assert_allclose(problem.residual, (wanted - rows[:, :6] @ plain)[:-3], atol=1e-6)
+    np.testing.assert_allclose(problem.within_prior, baseline[keep, :3] @ plain[:3], atol=1e-6)
+
+
 def test_a_fold_held_out_is_told_by_the_others(baseline):
     rng = np.random.default_rng(3)
     column = rng.standard_normal((4000, 1))

@@ -122,6 +122,7 @@ def test_saved_and_loaded_it_is_the_same(model, log, vs060, tmp_path):
         assert before.effect == after.effect
         for name in ("shape", "coefficients", "std", "shape_std"):
             np.testing.assert_array_equal(getattr(before, name), getattr(after, name))
+        np.testing.assert_allclose(before.errors, after.errors, rtol=1e-3)
     text = (tmp_path / "model.json").read_text()
     assert "NaN" not in text
     assert json.loads(text)["format"] == 1
@@ -142,6 +143,8 @@ def spoilt(tmp_path, model, change):
         (lambda c: c["terms"][7].update(effect="witchcraft"), "unknown effect 'witchcraft'"),
         (lambda c: c["terms"][0]["coefficients"].pop(), "do not fit the robot's URDF"),
         (lambda c: c["terms"][7]["shape"].append({"name": "span", "value": 1.0, "std": None}), "another version's law"),
+        (lambda c: c["terms"][7]["errors"][0].pop(), "lacks or spoils errors, of which some"),
+        (lambda c: c["terms"][0]["errors"][1].pop(), "lacks or spoils errors of links"),
         (lambda c: c.pop("terms"), "lacks or spoils 'terms'"),
         (lambda c: c["terms"][7].update(options={"smothing": 1.0}), "lacks or spoils"),
         (lambda c: c["terms"][7].update(joint="two"), "lacks or spoils"),

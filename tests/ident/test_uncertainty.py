@@ -13,7 +13,7 @@ from ident.fit import Drives, settle, with_coefficients
 from ident.least_squares import factorise, solve
 from ident.log import JointLog
 from ident.signals import Motion
-from ident.uncertainty import autocovariance, bandwidth, correlation_time, covariance, parzen
+from ident.uncertainty import autocovariance, bandwidth, correlation_time, covariance, independent_errors, parzen
 from ident.walk import Block
 
 ROWS, DRAWS = 3000, 200
@@ -126,3 +126,15 @@ def test_windows_taper_to_nought():
     assert np.all(window[20:] == 0)
     assert bandwidth(np.zeros(10)) == 1
     assert correlation_time(np.zeros(30)) == 1.0
+
+
+def test_independent_errors_add_up_to_the_covariance():
+    rng = np.random.default_rng(6)
+    size = np.array([1e-4, 1.0, 1e3, 0.0])  # the last one is not determined
+    root = size[:, None] * rng.standard_normal((4, 5))
+    scatter = root @ root.T
+    errors = independent_errors(scatter)
+    assert errors.shape == (4, 3)
+    scale = np.outer(size, size) + 1e-300
+    np.testing.assert_allclose(errors @ errors.T / scale, scatter / scale, atol=1e-9)
+    assert independent_errors(np.full((4, 4), np.nan)).shape == (4, 0)
