@@ -2,14 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
 import numpy as np
 
-from ident.arrays import FloatArray
-from ident.effects.base import Term
+from ident.arrays import FloatArray, IntArray
 from ident.gap.fold_sums import products
-from ident.gap.panel import Panel
 from ident.gap.problem import NONE, JointProblem
 from ident.uncertainty import correlation_time
 
@@ -20,9 +16,7 @@ MOST = 3.0
 """Standard deviations that an error has at most: what is further off has changed."""
 
 
-def own_errors(
-    panel: Panel, own: Sequence[Term], joint: int, left: FloatArray, edge: FloatArray
-) -> tuple[FloatArray, FloatArray]:
+def own_errors(errors: FloatArray, left: FloatArray, edge: FloatArray, fold: IntArray) -> tuple[FloatArray, FloatArray]:
     """Columns (N, k) of errors that a joint's parameters may have, and what each of them squared costs (k,).
 
     By its covariance, which the logs held against it have not seen, a model is known in advance, though poorly where it
@@ -30,20 +24,16 @@ def own_errors(
     much as the noise of one independent sample.
 
     Args:
-        panel: the rows.
-        own: the model's terms that act on the joint, whose errors are those of one model.
-        joint: the joint, from 0.
-        left: what the model leaves (N,).
+        errors: force (N, p) on the joint of every error, independent of the others, of one standard deviation.
+        left: what the model leaves of the joint (N,).
         edge: columns (N, e) by which its sign of velocity may turn otherwise.
+        fold: number of each row's fold (N,).
     """
-    known = [term for term in own if term.errors.shape[1] > 0]
-    if not known:
-        return np.zeros((len(panel), 0)), NONE
-    errors = np.sum([panel.columns(t.effect, t.shape, joint) @ t.errors for t in known], axis=0)
+    if errors.shape[1] == 0:
+        return errors, NONE
 
     def beside(columns: FloatArray, prior: FloatArray = NONE) -> JointProblem:
-        everything = np.ones(len(panel), dtype=bool)
-        return JointProblem(np.hstack([columns, edge]), left, panel.fold, everything, prior)
+        return JointProblem(np.hstack([columns, edge]), left, fold, np.ones(len(left), dtype=bool), prior)
 
     # With any errors at all: what has changed may be larger than the noise by far.
     noise = beside(errors).residual

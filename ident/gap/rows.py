@@ -111,11 +111,14 @@ def held_of(model: CurrentModel, panel: Panel, joint: int) -> JointGap:
     """A joint's rows as the model, held fixed, leaves them, with the errors that its parameters may have."""
     own = [t for t in model.terms if t.effect.acts_on in (None, joint)]
     edge = edge_columns(panel, own, joint)
-    forces = [panel.columns(t.effect, t.shape, joint) @ t.coefficients for t in own]
+    columns = [panel.columns(t.effect, t.shape, joint) for t in own]
+    forces = [c @ t.coefficients for c, t in zip(columns, own, strict=True)]
     left = panel.force[:, joint] - np.sum(forces, axis=0)
     friction = [force for t, force in zip(own, forces, strict=True) if t.effect.family == "friction"]
     everything = np.ones(len(panel), dtype=bool)
-    errors, prior = own_errors(panel, own, joint, left, edge)
+    known = [c @ t.errors for c, t in zip(columns, own, strict=True) if t.errors.shape[1] > 0]
+    every = np.sum(known, axis=0) if known else np.zeros((len(panel), 0))
+    errors, prior = own_errors(every, left, edge, panel.fold)
     return JointGap(
         joint,
         np.hstack([errors, edge]),
