@@ -39,6 +39,10 @@ PROMISE = 0.25
 share of what its joint's best effect explains, and the one that is left out, that what one joint has must, at all;
 and share of what a cause explains on the joint where it shows most from which it is held against others' own, too."""
 
+DENIED = 0.25
+"""Share of what some joints say for a cause that others may say against it (.03 at most for true ones, .6 for a tilt
+that a crosstalk of two currents was taken for)."""
+
 BEATS, NEARLY = 1.25, 0.98
 """What shows on one joint alone must explain so many times what its best effect does; with fewer parameters, nearly."""
 
@@ -133,7 +137,7 @@ class _Judge:
                 continue
             helped = _helped(self.panel, self.searches, best, self._squares, after)
             explained = likelihoods(self.problems, self._squares, after)
-            if len(helped) == 0 or not self._shown(best, helped, explained):
+            if len(helped) == 0 or self._denied(best, explained) or not self._shown(best, helped, explained):
                 continue
             p_value = _p_value(self.panel, best, self.searches)
             if p_value <= LEVEL:
@@ -148,12 +152,22 @@ class _Judge:
         if full is None:
             return named
         squares = [one.held_out.sum(axis=1) for one in (named, full)]
-        left = [p.target - columns_of(self.panel, full, j)[p.keep] for j, p in enumerate(self.problems)]
-        times = [correlation_time(p.away(rest[:, None])[:, 0]) for p, rest in zip(self.problems, left, strict=True)]
-        samples = sum(len(p) / time for p, time in zip(self.problems, times, strict=True))
+        times = self._times(full)
+        samples = float(np.sum([len(p) for p in self.problems] / times))
         # What the motion does not show stays nought.
         price = 0.5 * (np.count_nonzero(full.coefficients) - np.count_nonzero(named.coefficients)) * np.log(samples)
         return full if np.sum(likelihoods(self.problems, *squares) / times) > PRICE * price else named
+
+    def _denied(self, best: Whole, explained: FloatArray) -> bool:
+        """Whether some joints deny what others say: in independent samples, of which a slow residual has few."""
+        told = explained / self._times(best)
+        return bool(-told[told < 0.0].sum() > DENIED * told[told > 0.0].sum())
+
+    def _times(self, whole: Whole) -> FloatArray:
+        """Correlation times (n,) [samples] of what a cause leaves of every joint."""
+        left = [p.target - columns_of(self.panel, whole, j)[p.keep] for j, p in enumerate(self.problems)]
+        rests = [p.away(rest[:, None])[:, 0] for p, rest in zip(self.problems, left, strict=True)]
+        return np.array([correlation_time(rest) for rest in rests])
 
     def _alone(self, helped: IntArray, explained: FloatArray) -> bool:
         """Whether a cause shows on one joint alone."""
