@@ -142,21 +142,25 @@ class _Judge:
             p_value = _p_value(self.panel, best, self.searches)
             if p_value <= LEVEL:
                 others = _alternatives(best, ranking, self._own(helped, explained))
-                for more in best.effect.fuller(self.survey):
-                    best = self._fuller(best, OnAll(self.panel, self.searches, more, self.before).at(best.shape))
-                return replace(best, p_value=p_value, alternatives=others, joint=int(np.argmax(explained)))
+                found = self._in_full(best)
+                return replace(found, p_value=p_value, alternatives=others, joint=int(np.argmax(explained)))
         return None
 
-    def _fuller(self, named: Whole, full: Whole | None) -> Whole:
-        """A cause with more of its law, if that pays for its parameters in independent samples (Schwarz 1978)."""
-        if full is None:
-            return named
-        squares = [one.held_out.sum(axis=1) for one in (named, full)]
+    def _in_full(self, named: Whole) -> Whole:
+        """A linear cause with more of its law, if that pays for its parameters: Schwarz (1978), independent samples."""
+        for more in named.effect.fuller(self.survey) if not named.effect.shapes else []:
+            full = OnAll(self.panel, self.searches, more, self.before).at(named.shape)
+            if full is not None and self._pays(named, full):
+                return full
+        return named
+
+    def _pays(self, named: Whole, full: Whole) -> bool:
         times = self._times(full)
+        explained = likelihoods(self.problems, named.held_out.sum(axis=1), full.held_out.sum(axis=1)) / times
         samples = float(np.sum([len(p) for p in self.problems] / times))
         # What the motion does not show stays nought.
-        price = 0.5 * (np.count_nonzero(full.coefficients) - np.count_nonzero(named.coefficients)) * np.log(samples)
-        return full if np.sum(likelihoods(self.problems, *squares) / times) > PRICE * price else named
+        more = np.count_nonzero(full.coefficients) - np.count_nonzero(named.coefficients)
+        return bool(explained.sum() > PRICE * 0.5 * more * np.log(samples))
 
     def _denied(self, best: Whole, explained: FloatArray) -> bool:
         """Whether some joints deny what others say: in independent samples, of which a slow residual has few."""
