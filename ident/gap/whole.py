@@ -137,7 +137,7 @@ class _Judge:
                 continue
             helped = _helped(self.panel, self.searches, best, self._squares, after)
             explained = likelihoods(self.problems, self._squares, after)
-            if len(helped) == 0 or self._denied(best, explained) or not self._shown(best, helped, explained):
+            if len(helped) == 0 or _denied(explained / self._times(best)) or not self._shown(best, helped, explained):
                 continue
             p_value = _p_value(self.panel, best, self.searches)
             if p_value <= LEVEL:
@@ -161,11 +161,6 @@ class _Judge:
         # What the motion does not show stays nought.
         more = np.count_nonzero(full.coefficients) - np.count_nonzero(named.coefficients)
         return bool(explained.sum() > PRICE * 0.5 * more * np.log(samples))
-
-    def _denied(self, best: Whole, explained: FloatArray) -> bool:
-        """Whether some joints deny what others say: in independent samples, of which a slow residual has few."""
-        told = explained / self._times(best)
-        return bool(-told[told < 0.0].sum() > DENIED * told[told > 0.0].sum())
 
     def _times(self, whole: Whole) -> FloatArray:
         """Correlation times (n,) [samples] of what a cause leaves of every joint."""
@@ -232,6 +227,11 @@ def _helped(panel: Panel, searches: Sequence[Search], whole: Whole, squares: Flo
         for j in np.flatnonzero(enough).tolist():
             enough[j] = searches[j].gains_by(panel, columns_of(panel, whole, j))
     return np.flatnonzero(enough)
+
+
+def _denied(told: FloatArray) -> bool:
+    """Whether some joints deny what others say, (n,), by independent samples, of which a slow residual has few."""
+    return bool(-told[told < 0.0].sum() > DENIED * told[told > 0.0].sum())
 
 
 def _at_any_pace(panel: Panel, problems: Sequence[JointProblem], whole: Whole) -> bool:

@@ -15,7 +15,7 @@ from ident.effects.transmission import Elasticity
 from ident.gap import baseline_model, find_gap
 from ident.gap.candidates import Trial
 from ident.gap.on_all import Whole
-from ident.gap.whole import _ranked, _rivals, _stands_alone
+from ident.gap.whole import _denied, _Judge, _ranked, _rivals, _stands_alone
 from ident.log import JointLog
 from ident.robot import load_robot
 
@@ -63,6 +63,21 @@ def test_a_tilt_that_an_upright_joint_alone_shows_comes_before_springs_of_it(cra
     assert (one.effect, one.joints) == ("base-tilt", ())
     assert list(one.alternatives) == ["gravity-balancer"]
     assert (one.parameters["roll"], one.parameters["pitch"]) == pytest.approx(tilt, rel=0.05)
+
+
+@pytest.mark.parametrize(
+    ("told", "denied"),
+    [([406.0, -183.0, -58.0, -1.0], True), ([3196.0, 523.0, 537.0, -2.0], False), ([3130.0, 1929.0, -175.0], False)],
+)
+def test_joints_may_deny_a_cause_of_all(told, denied):
+    assert _denied(np.array(told)) is denied
+
+
+def test_a_spring_is_not_tried_in_full_whose_fuller_form_has_a_shape_that_it_has_not():
+    spring = Elasticity(0, rings=True)
+    named = Whole(spring, np.array([0.01, 0.3]), np.ones(1), np.ones((1, 4)), 9.0, 9.0)
+    assert spring.shapes
+    assert _Judge(None, None, [], False, None)._in_full(named) is named
 
 
 @pytest.mark.parametrize(("standing", "first"), [(99.0, "delay"), (90.0, "filter-lag")])
