@@ -144,10 +144,15 @@ def _read(robot: Robot, written: dict[str, Any], path: Path) -> Term:
 
 def _errors(written: dict[str, Any], count: int) -> FloatArray:
     """Errors (count, k) of a term's coefficients; none where they were not known."""
-    rows = written.get("errors", [[]] * count)
-    if [len(row) for row in rows] != [len(rows[0])] * count:
+    if "errors" not in written:
+        return np.zeros((count, 0))
+    try:
+        found = np.array(written["errors"], dtype=float)
+    except (TypeError, ValueError):
+        found = np.zeros(0)
+    if found.ndim != 2 or len(found) != count or not np.isfinite(found).all():
         raise ValueError(f"errors of {written['effect']}")
-    return np.array(rows, dtype=float)
+    return found
 
 
 def _rounded(value: float) -> float:
