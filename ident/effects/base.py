@@ -363,12 +363,9 @@ class Effect(ABC):
         derivatives = []
         for s, parameter in enumerate(self.shapes):
             step = STEP * max(abs(shape[s]), 1e-3 * (parameter.upper - parameter.lower))
-            sides = []
-            for sign in (1.0, -1.0):
-                moved = shape.copy()
-                moved[s] += sign * step
-                sides.append(self.columns(context, moved, self.start()))
-            derivatives.append((sides[0] - sides[1]) / (2 * step))
+            along = np.where(np.arange(len(shape)) == s, step, 0.0)
+            above, below = (self.columns(context, shape + by, self.start()) for by in (along, -along))
+            derivatives.append((above - below) / (2 * step))
         return np.array(derivatives)
 
 
@@ -382,8 +379,7 @@ class Term:
         coefficients: values of its linear parameters.
         std: standard deviations of the coefficients; NaN where a parameter is not determined.
         shape_std: standard deviations of the shape parameters.
-        errors: errors (c, k) of the coefficients, independent of one another and each of one standard deviation, that
-            all terms of a model make together; none where they are not known.
+        errors: k independent errors (c, k) of one standard deviation, which all terms share; none if not known.
     """
 
     effect: Effect

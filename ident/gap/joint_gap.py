@@ -13,7 +13,7 @@ from ident.gap.candidates import Trial, admissible, best_shape, coefficients, us
 from ident.gap.folds import even_folds, goes_beyond
 from ident.gap.gate import Gate, speed_classes
 from ident.gap.panel import Panel
-from ident.gap.problem import LEAST, JointProblem, sizes
+from ident.gap.problem import LEAST, JointProblem, costs, sizes
 
 PARTS = 3
 """Parts of each fold in each log, where one would move far beyond the others."""
@@ -163,11 +163,8 @@ class JointGap:
         """Variance (N,) of what columns predict in all rows, fitted to some (N,), over that of those rows' noise."""
         matrix = self._matrix(panel, named)
         size = sizes(matrix)
-        scaled = matrix[:, size > 0] / size[size > 0]
-        prior = np.zeros(len(size))
-        prior[: len(self.prior)] = self.prior
-        known = np.diag(prior[size > 0] / size[size > 0] ** 2)
-        values, vectors = np.linalg.eigh(scaled[fitted].T @ scaled[fitted] + known)
+        scaled, known = matrix[:, size > 0] / size[size > 0], costs(self.prior, np.where(size > 0, size, 1.0))[size > 0]
+        values, vectors = np.linalg.eigh(scaled[fitted].T @ scaled[fitted] + np.diag(known))
         spread = vectors / np.sqrt(np.maximum(values, LEAST * values.max(initial=0.0)))
         told: FloatArray = np.sum((scaled @ spread) ** 2, axis=1)
         return told

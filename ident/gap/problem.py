@@ -35,6 +35,13 @@ def sizes(columns: npt.NDArray[Any]) -> npt.NDArray[Any]:
     return lengths
 
 
+def costs(prior: FloatArray, size: FloatArray) -> FloatArray:
+    """What the square of each coefficient (p,) costs of columns divided by sizes (p,): of the first k, before that."""
+    found = np.zeros(len(size))
+    found[: len(prior)] = prior / size[: len(prior)] ** 2
+    return found
+
+
 def gain(before: float, after: float) -> float:
     """Share by which an RMS residual falls when its sum of squares does."""
     return float(1.0 - np.sqrt(after / max(before, 1e-300)))
@@ -130,8 +137,7 @@ class JointProblem:
         # Where a joint moves alone, others' columns are rounding: what that is fitted to is no force elsewhere.
         self.norm = np.where(size > NOTHING * whole, size, np.where(whole > 0, whole, 1.0))
         self.matrix = matrix[self.keep] / self.norm
-        self.prior = np.zeros(len(self.norm))
-        self.prior[: len(prior)] = prior / self.norm[: len(prior)] ** 2
+        self.prior = costs(prior, self.norm)
         self.target = target[self.keep]
         self.fold = fold[self.keep]
         # A fold none of whose rows counts is one still: all joints have as many.

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from ident.arrays import FloatArray
-from ident.effects.base import Survey
+from ident.effects.base import Survey, Term
 from ident.effects.direction import SMOOTHING, VelocityEffect
 from ident.errors import InputError
 from ident.gap.edge import edge_columns
@@ -99,9 +99,8 @@ def _holds(model: CurrentModel) -> FloatArray:
 
 def gap_of(model: CurrentModel, panel: Panel, joint: int) -> JointGap:
     """A joint's rows with the model's columns, which are fitted again, and those by which its sign may turn."""
-    own = [t for t in model.terms if t.effect.acts_on in (None, joint)]
+    own, columns = _own(model, panel, joint)
     edge = edge_columns(panel, own, joint)
-    columns = [panel.columns(t.effect, t.shape, joint) for t in own]
     everything = np.ones(len(panel), dtype=bool)
     present = tuple(t.effect for t in own)
     return JointGap(joint, np.hstack([*columns, edge]), panel.force[:, joint], everything, present, edge.shape[1])
@@ -109,9 +108,8 @@ def gap_of(model: CurrentModel, panel: Panel, joint: int) -> JointGap:
 
 def held_of(model: CurrentModel, panel: Panel, joint: int) -> JointGap:
     """A joint's rows as the model, held fixed, leaves them, with the errors that its parameters may have."""
-    own = [t for t in model.terms if t.effect.acts_on in (None, joint)]
+    own, columns = _own(model, panel, joint)
     edge = edge_columns(panel, own, joint)
-    columns = [panel.columns(t.effect, t.shape, joint) for t in own]
     forces = [c @ t.coefficients for c, t in zip(columns, own, strict=True)]
     left = panel.force[:, joint] - np.sum(forces, axis=0)
     friction = [force for t, force in zip(own, forces, strict=True) if t.effect.family == "friction"]
@@ -134,10 +132,15 @@ def held_of(model: CurrentModel, panel: Panel, joint: int) -> JointGap:
 def left_by(model: CurrentModel, panel: Panel) -> FloatArray:
     """What a model as it is leaves of all rows, (N, n)."""
     left = panel.force.copy()
-    for term in model.terms:
-        for j in range(model.n) if term.effect.acts_on is None else [term.effect.acts_on]:
-            left[:, j] -= panel.columns(term.effect, term.shape, j) @ term.coefficients
+    for j in range(model.n):
+        left[:, j] -= np.sum([c @ t.coefficients for t, c in zip(*_own(model, panel, j), strict=True)], axis=0)
     return left
+
+
+def _own(model: CurrentModel, panel: Panel, joint: int) -> tuple[list[Term], list[FloatArray]]:
+    """A model's terms that act on a joint, and the columns of each."""
+    own = [t for t in model.terms if t.effect.acts_on in (None, joint)]
+    return own, [panel.columns(t.effect, t.shape, joint) for t in own]
 
 
 def _smoothing(model: CurrentModel, joint: int) -> float:

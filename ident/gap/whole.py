@@ -164,9 +164,7 @@ class _Judge:
 
     def _times(self, whole: Whole) -> FloatArray:
         """Correlation times (n,) [samples] of what a cause leaves of every joint."""
-        left = [p.target - columns_of(self.panel, whole, j)[p.keep] for j, p in enumerate(self.problems)]
-        rests = [p.away(rest[:, None])[:, 0] for p, rest in zip(self.problems, left, strict=True)]
-        return np.array([correlation_time(rest) for rest in rests])
+        return np.array([correlation_time(_left(self.panel, p, whole, j)) for j, p in enumerate(self.problems)])
 
     def _alone(self, helped: IntArray, explained: FloatArray) -> bool:
         """Whether a cause shows on one joint alone."""
@@ -287,10 +285,15 @@ def _alternatives(best: Whole, ranking: Sequence[Whole], own: Sequence[tuple[Tri
     return names
 
 
+def _left(panel: Panel, problem: JointProblem, whole: Whole, joint: int) -> FloatArray:
+    """What (N,) a cause leaves of a joint's rows that count."""
+    rest = problem.target - columns_of(panel, whole, joint)[problem.keep]
+    return problem.away(rest[:, None])[:, 0]
+
+
 def _exhausts(panel: Panel, survey: Survey, problem: JointProblem, whole: Whole, joint: int) -> bool:
     """Whether the effect leaves next to nothing on a joint that could still be explained."""
-    added = columns_of(panel, whole, joint)[problem.keep]
-    before, after = problem.residual, problem.away((problem.target - added)[:, None])[:, 0]
+    before, after = problem.residual, _left(panel, problem, whole, joint)
     rest = explainable(panel, survey, joint, after, problem.keep).share * float(after @ after)
     return float(before @ before - after @ after) >= CERTAIN * rest
 
