@@ -13,7 +13,8 @@ import numpy as np
 
 from ident.arrays import FloatArray
 from ident.cutoff import HIGHEST_SHARE
-from ident.gap.candidates import Trial, admissible, best_shape, force_of
+from ident.effects.base import Effect, Survey
+from ident.gap.candidates import Trial, admissible, best_shape, best_start, force_of, kind_of, refine
 from ident.gap.joint_gap import JointGap
 from ident.gap.panel import Panel
 from ident.log import JointLog
@@ -37,7 +38,7 @@ class Experiment:
     Attributes:
         motion: its name.
         ratio: RMS by which the names would differ on it, the nearer way round, over the RMS of the joint's residual.
-        settles: whether that is more than laws may be wrong by.
+        settles: whether they differ, both ways round, by more than laws may be wrong by.
     """
 
     motion: str
@@ -53,12 +54,14 @@ class Question:
         one, other: the names with their shapes.
         besides: what else the joint was given.
         residual: RMS of what both leave, in force units.
+        survey: facts about the logs, by which a law has its forms.
     """
 
     one: Trial
     other: Trial
     besides: tuple[Trial, ...]
     residual: float
+    survey: Survey
 
 
 @dataclass(frozen=True, eq=False)
@@ -100,10 +103,10 @@ def separating(question: Question, motions: Mapping[str, Joined]) -> Experiment:
         question: the two names.
         motions: motions by name, each with the logs' rows and the joint's baseline on them; one at least.
     """
-    first = {name: _nearer(question, joined, refined=False) for name, joined in motions.items()}
+    first = {name: _difference(question, joined, refined=False) for name, joined in motions.items()}
     best = sorted(first, key=lambda name: -first[name].on_motion)[:REFINED]
-    found = {name: _nearer(question, motions[name], refined=True) for name in best}
-    name = max(found, key=lambda n: found[n].on_motion)
+    found = {name: _difference(question, motions[name], refined=True) for name in best}
+    name = max(found, key=lambda n: (found[n].missed >= SETTLED, found[n].on_motion))
     ratio = found[name].on_motion / max(question.residual, 1e-300)
     return Experiment(name, ratio, found[name].missed >= SETTLED)
 
@@ -116,26 +119,36 @@ class _Difference:
     missed: float
 
 
-def _nearer(question: Question, joined: Joined, refined: bool) -> _Difference:
+def _difference(question: Question, joined: Joined, refined: bool) -> _Difference:
+    """How far two names differ the way round in which they differ less."""
     both = [
-        _unfollowed(truth, rival, question.besides, joined, refined)
+        _unfollowed(truth, rival, question, joined, refined)
         for truth, rival in ((question.one, question.other), (question.other, question.one))
     ]
-    return min(both, key=lambda d: d.on_motion)
+    return _Difference(min(d.on_motion for d in both), min(d.missed for d in both))
 
 
-def _unfollowed(truth: Trial, rival: Trial, besides: Sequence[Trial], joined: Joined, refined: bool) -> _Difference:
-    """Compare with a rival that is fitted to all rows of what the truth says."""
+def _unfollowed(truth: Trial, rival: Trial, question: Question, joined: Joined, refined: bool) -> _Difference:
+    """Compare with a rival that is fitted to all rows of what the truth says, in each of its forms."""
     panel, gap = joined.panel, joined.gap
-    problem = replace(gap, target=_said(truth, besides, joined)).problem(panel, besides)
-    if refined and rival.effect.shapes:
-        rival = best_shape(panel, problem, rival, gap.joint)
-    columns = admissible(panel, problem, rival.effect, rival.shape, gap.joint)
-    left = problem.left(columns)
+    problem = replace(gap, target=_said(truth, question.besides, joined)).problem(panel, question.besides)
+    rivals = [rival]
+    if refined:
+        others = [best_start(panel, problem, form, gap.joint) for form in _other_forms(rival.effect, question.survey)]
+        rivals = [best_shape(panel, problem, rival, gap.joint)]
+        rivals += [refine(panel, problem, [start], gap.joint) for start in others]
+    lefts = [problem.left(admissible(panel, problem, r.effect, r.shape, gap.joint)) for r in rivals]
+    left = min(lefts, key=lambda one: float(one @ one))
     explained = float(problem.residual @ problem.residual)
     there = problem.keep >= len(panel) - joined.added
     on_motion = float(np.sqrt(np.mean(left[there] ** 2))) if there.any() else 0.0
     return _Difference(on_motion, float(left @ left) / max(explained, 1e-300))
+
+
+def _other_forms(effect: Effect, survey: Survey) -> list[Effect]:
+    """Other forms of an effect's law that the search tries once it has a motion's log."""
+    first = [e for e in type(effect).candidates(survey, effect.joint) if kind_of(e) == kind_of(effect)]
+    return [e for e in (*first, *(more for one in first for more in one.fuller(survey))) if e != effect]
 
 
 def _said(truth: Trial, besides: Sequence[Trial], joined: Joined) -> FloatArray:

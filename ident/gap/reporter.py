@@ -221,7 +221,8 @@ class Reporter:
             # Where these logs' rests and reversals tell nothing, the motion's would not either.
             hidden = turning(panel, subject.survey)[:, gap.joint] & noisy
             joined[name] = Joined(panel, subject.gap(panel, gap.joint).without(hidden), added)
-        return separating(Question(one, other, tuple(besides), float(np.sqrt(np.mean(left**2)))), joined)
+        rms = float(np.sqrt(np.mean(left**2)))
+        return separating(Question(one, other, tuple(besides), rms, subject.survey), joined)
 
     @cached_property
     def _joined(self) -> dict[str, tuple[Panel, int]]:
