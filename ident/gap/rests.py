@@ -16,6 +16,7 @@ from ident.arrays import BoolArray, FloatArray, IntArray
 from ident.coupling import Coupling
 from ident.effects.base import Survey
 from ident.effects.hysteresis import LEAST_SLIP
+from ident.effects.timing import Timing
 from ident.gap.candidates import Trial, admissible, best_start, coefficients, forms, refine
 from ident.gap.joint_gap import JointGap
 from ident.gap.panel import Panel
@@ -69,6 +70,11 @@ that line in a rest: with fewer the line tells how long rests last."""
 
 EXPLAINED = 0.9
 """Share of the rests' squares that an effect must explain for them to tell of it."""
+
+LATE = 0.6
+"""Share of them that will do for a current that comes late (.69 to .85 of those of a delay of 15 ms, whose sign of
+velocity was chosen wide to blur it): what friction holds is there at once, and looks early if anything.
+"""
 
 SEVERAL = 4.0
 """Rests without which none of them is told of: one level is explained by anything."""
@@ -252,19 +258,26 @@ def _told(panel: Panel, survey: Survey, gap: JointGap, rest: BoolArray, usual: f
     if held <= usual or occasions(panel, problem.residual, rest) < SEVERAL:
         return False  # links bend to few rests until nothing is left of them, and any effect explains one
     noise = min(usual + by_noise, 0.5 * (usual + held))
-    least = EXPLAINED * noise + (1.0 - EXPLAINED) * held
-
     ranked = told_by(panel, survey, gap, problem, rest)
     for place, (left, start) in enumerate(ranked):
+        share = LATE if isinstance(start.effect, Timing) else EXPLAINED
+        least = share * noise + (1.0 - share) * held
         # The best start may be a little off, and the shortest displacement that is begun with is no shortest yet.
         if place > 0 and left >= least:
-            break
+            continue
         searched = place == 0 or start.effect.family == "hysteresis"
         found = refine(panel, problem, [start], gap.joint) if searched else start
         enough = left < least or left_in(panel, problem, found, gap.joint, rest) < least
-        if enough and not slipless(panel, gap, found):
+        if enough and not slipless(panel, gap, found) and not _early(panel, problem, found, gap.joint):
             return True
     return False
+
+
+def _early(panel: Panel, problem: JointProblem, trial: Trial, joint: int) -> bool:
+    """Whether this is a current that would come before its time."""
+    if not isinstance(trial.effect, Timing):
+        return False
+    return trial.effect.lateness(trial.shape, coefficients(panel, problem, trial, joint)) < 0.0
 
 
 def told_by(

@@ -103,6 +103,21 @@ def test_a_drive_that_hunts_at_rest_is_unexplained_and_not_left_out(arm):
     assert {one.joints for one in found.unexplained} == {(0,), (1,)}
 
 
+@pytest.mark.parametrize(("late", "sticks"), [(0.03, ()), (-0.03, (0, 1))])
+def test_rests_into_which_a_late_current_reaches_count(arm, monkeypatch, late, sticks):
+    """Dry friction that comes late shows in short stops; a sign of velocity chosen wide to blur it hides its law."""
+    for what, value in (("NOISE", 0.02), ("STOP", 0.1)):
+        monkeypatch.setitem(globals(), what, value)
+    train = [
+        log.replace(current=np.stack([np.interp(log.t - late, log.t, x) for x in log.current.T], axis=1))
+        for log in logs(arm, held=0.0)
+    ]
+    model = baseline_model(arm, train)
+    wide = (replace(t.effect, smoothing=8e-3) if hasattr(t.effect, "smoothing") else t.effect for t in model.terms)
+    terms = tuple(replace(term, effect=effect) for term, effect in zip(model.terms, wide, strict=True))
+    assert find_rests(replace(model, terms=terms), train).joints == sticks
+
+
 def test_rests_that_remember_where_the_joint_came_from_count(arm):
     def kept(q, dq, stands):
         # Dahl's law instead of the sign of velocity: at rest it stays.

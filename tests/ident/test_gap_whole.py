@@ -10,12 +10,14 @@ from scipy.signal import butter, lfilter, lfilter_zi
 from scipy.spatial.transform import Rotation
 
 from ident.effects.attached import GravityBalancer, Payload
+from ident.effects.rigid_body import CableSpring
 from ident.effects.timing import Delay, FilterLag
 from ident.effects.transmission import Elasticity
 from ident.gap import baseline_model, find_gap
 from ident.gap.candidates import Trial
 from ident.gap.on_all import Whole
-from ident.gap.whole import _denied, _Judge, _ranked, _rivals, _stands_alone
+from ident.gap.rows import gap_of, panel_of, survey_of
+from ident.gap.whole import _denied, _exhausts, _Judge, _ranked, _rivals, _stands_alone
 from ident.log import JointLog
 from ident.robot import load_robot
 
@@ -102,6 +104,23 @@ def test_a_spring_that_shows_on_one_joint_must_be_worth_its_choice_among_all_joi
     spring = Whole(Elasticity(joint), np.zeros(0), np.ones(1), np.zeros((4, 4)), float(likelihoods.sum()), 0.0)
     balancer = Trial(GravityBalancer(3), np.zeros(0), 400.0, columns=2)
     assert _stands_alone(spring, balancer, likelihoods, singles, 3) is stands
+
+
+@pytest.mark.parametrize(("size", "exhausted"), [(0.0, True), (0.4, False)])
+def test_a_cause_beside_which_much_has_a_memory_leaves_too_much(arm, size, exhausted):
+    """A liquid that sloshes follows no signal of a moment, but itself."""
+
+    def hidden(t, q, dq):
+        blows = np.random.default_rng(round(1e6 * abs(q[0, 0]))).standard_normal(len(t))
+        pole = 0.99 * np.exp(2j * np.pi * 1.8 / planar_arm.RATE)
+        sloshes = lfilter([1.0], [1.0, -2.0 * pole.real, abs(pole) ** 2], blows)
+        return 0.4 * (q[:, 1] - 0.1) + size * sloshes / sloshes.std()
+
+    train = planar_arm.logs(arm, 1, hidden=hidden)
+    model = baseline_model(arm, train)
+    panel = panel_of(model, train)
+    whole = Whole(CableSpring(1), np.array([0.1]), np.array([0.4, 0.0]), np.zeros((2, 4)), 1.0, 1.0)
+    assert _exhausts(panel, survey_of(model, panel), gap_of(model, panel, 1).problem(panel), whole, 1) == exhausted
 
 
 def test_all_of_the_current_comes_late_where_that_explains_nearly_as_much(arm):
