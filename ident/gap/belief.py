@@ -79,7 +79,7 @@ def _allowed(panel: Panel, survey: Survey, gap: JointGap, named: list[Named]) ->
     left = explainable(panel, survey, gap.joint, after.residual, after.keep).share
     squares = float(after.residual @ after.residual)
     explained = float(before.residual @ before.residual) - squares
-    rest = max(left, _remembered(panel, after)) * squares
+    rest = max(left, remembered_of(panel, after, after.residual)) * squares
     if explained < CERTAIN * _wandering(panel, after) * squares or explained < ENOUGH * rest:
         return None
     times = explained / max(rest, 1e-300)
@@ -124,7 +124,7 @@ def unexplained(
     rare = bursts(squares, starts_of(panel, problem), panel.step)
     if rare > BURSTS:
         return [Unexplained((gap.joint,), ("t (in bursts)",), rare)]
-    past = _remembered(panel, problem)
+    past = remembered_of(panel, problem, problem.residual)
     return [Unexplained((gap.joint,), ("t (its own past)",), past)] if past > WORTH_SAYING else []
 
 
@@ -184,8 +184,9 @@ def _uneven(panel: Panel, problem: JointProblem, joint: int, squares: FloatArray
     return None
 
 
-def _remembered(panel: Panel, problem: JointProblem) -> float:
-    return remembered(problem.residual, starts_of(panel, problem), panel.step, panel.model.cutoff)
+def remembered_of(panel: Panel, problem: JointProblem, left: FloatArray) -> float:
+    """Share of the square of what is left (N,) in a problem's rows that its neighbours in time predict."""
+    return remembered(left, starts_of(panel, problem), panel.step, panel.model.cutoff)
 
 
 def _wandering(panel: Panel, problem: JointProblem) -> float:

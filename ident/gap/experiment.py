@@ -106,9 +106,8 @@ def separating(question: Question, motions: Mapping[str, Joined]) -> Experiment:
     first = {name: _difference(question, joined, refined=False) for name, joined in motions.items()}
     best = sorted(first, key=lambda name: -first[name].on_motion)[:REFINED]
     found = {name: _difference(question, motions[name], refined=True) for name in best}
-    name = max(found, key=lambda n: (found[n].missed >= SETTLED, found[n].on_motion))
-    ratio = found[name].on_motion / max(question.residual, 1e-300)
-    return Experiment(name, ratio, found[name].missed >= SETTLED)
+    name, most = max(found.items(), key=lambda one: (one[1].settles, one[1].on_motion))
+    return Experiment(name, most.on_motion / max(question.residual, 1e-300), most.settles)
 
 
 @dataclass(frozen=True)
@@ -117,6 +116,11 @@ class _Difference:
 
     on_motion: float
     missed: float
+
+    @property
+    def settles(self) -> bool:
+        """Whether that is more than laws may be wrong by."""
+        return self.missed >= SETTLED
 
 
 def _difference(question: Question, joined: Joined, refined: bool) -> _Difference:

@@ -12,10 +12,8 @@ from ident.arrays import BoolArray, FloatArray, IntArray
 from ident.effects.base import Effect, Survey
 from ident.gap.abstain import explainable
 from ident.gap.agreement import IN_TIME, Predicted, agrees_at_any_pace
-from ident.gap.belief import CERTAIN, ENOUGH
+from ident.gap.belief import CERTAIN, ENOUGH, remembered_of
 from ident.gap.candidates import Trial, forms, within_bounds
-from ident.gap.joint_gap import starts_of
-from ident.gap.memory import remembered
 from ident.gap.on_all import TINY, OnAll, Whole, columns_of, likelihoods
 from ident.gap.panel import Panel
 from ident.gap.problem import JointProblem, gain
@@ -297,9 +295,10 @@ def _exhausts(panel: Panel, survey: Survey, problem: JointProblem, whole: Whole,
     """Whether the effect leaves next to nothing on a joint that could still be explained, or that has a memory."""
     before, after = problem.residual, _left(panel, problem, whole, joint)
     squares = float(after @ after)
-    past = ENOUGH * remembered(after, starts_of(panel, problem), panel.step, panel.model.cutoff)
-    rest = CERTAIN * explainable(panel, survey, joint, after, problem.keep).share
-    return float(before @ before) - squares >= max(past, rest) * squares
+    explained = float(before @ before) - squares
+    if explained < ENOUGH * remembered_of(panel, problem, after) * squares:
+        return False
+    return explained >= CERTAIN * explainable(panel, survey, joint, after, problem.keep).share * squares
 
 
 def _p_value(panel: Panel, whole: Whole, searches: Sequence[Search]) -> float:

@@ -42,6 +42,11 @@ def record(arm, seed, hidden=None, mass=0.0, inertia=0.0):
     return JointLog(t=t, q=q, current=torque, name=f"log{seed}")
 
 
+def delayed(log, seconds):
+    """The log with its currents stamped so many seconds late."""
+    return log.replace(current=np.stack([np.interp(log.t - seconds, log.t, x) for x in log.current.T], axis=1))
+
+
 def logs(arm, first, **options):
     return [record(arm, seed, **options) for seed in range(first, first + 3)]
 

@@ -6,7 +6,7 @@ from types import SimpleNamespace
 import numpy as np
 import planar_arm
 import pytest
-from planar_arm import NOISE, RATE, logs, motion, record, structure
+from planar_arm import NOISE, RATE, delayed, logs, motion, record, structure
 from scipy.interpolate import CubicSpline
 from scipy.signal import lfilter
 
@@ -233,9 +233,8 @@ def test_rows_whose_sign_of_velocity_is_noise_are_left_out_and_names_stay(arm):
 
 def test_rows_that_err_by_more_than_noise_of_the_velocity_makes_stay(arm):
     def late(seed):
-        log, rng = record(arm, seed), np.random.default_rng(seed)
-        current = np.column_stack([np.interp(log.t - 5e-3, log.t, one) for one in log.current.T])
-        return log.replace(q=log.q + 4e-5 * rng.standard_normal(log.q.shape), current=current)
+        log, rng = delayed(record(arm, seed), 5e-3), np.random.default_rng(seed)
+        return log.replace(q=log.q + 4e-5 * rng.standard_normal(log.q.shape))
 
     train = [late(seed) for seed in (1, 2, 3)]
     found = find_gap(baseline_model(arm, train), train)

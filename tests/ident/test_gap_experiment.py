@@ -60,8 +60,7 @@ def test_the_next_experiment_is_the_motion_on_which_two_names_differ(arm):
     same = separating(replace(question, other=sigmoid), motions)
     assert same.ratio < 1e-3
     assert not same.settles
-    # By .042 of what it explains a sigmoid follows that power, which differs by more in force units than .2 the other
-    # way round.
+    # The sigmoid misses .042 of that power, the power .2 of the sigmoid; in force units it is the other way round.
     steady = {"steady": joined(moved(3.0))}
     assert not separating(replace(question, other=replace(power, shape=np.array([0.6]))), steady).settles
     assert separating(replace(question, other=replace(power, shape=np.array([0.9]))), steady).settles
@@ -86,10 +85,9 @@ def test_the_other_name_is_tried_at_any_shape_on_a_motion(arm):
 def test_the_other_name_is_tried_in_every_form_on_a_motion(arm):
     cable = Trial(CableSpring(1), np.array([0.1]), 0.0)
     ideal = Trial(GravityBalancer(1, ideal=True), np.array([0.5]), 0.0)
-    ratios = [
-        balancers(arm, cable, trial).ratio for trial in (ideal, Trial(GravityBalancer(1), np.array([0.5, 0.5]), 0.0))
-    ]
-    assert ratios[0] == pytest.approx(ratios[1], rel=0.01)  # whichever form the logs were explained with
+    full = Trial(GravityBalancer(1), np.array([0.5, 0.5]), 0.0)
+    # Whichever form the logs were explained with.
+    assert balancers(arm, cable, ideal).ratio == pytest.approx(balancers(arm, cable, full).ratio, rel=0.01)
 
 
 def test_a_motion_may_be_sampled_slower_than_the_logs(arm):

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from planar_arm import NOISE, RATE, logs, record
+from planar_arm import NOISE, RATE, delayed, logs, record
 from scipy.signal import lfilter
 
 from ident.effects import load_catalogue
@@ -20,18 +20,13 @@ from ident.log import JointLog
 LATE = 0.019
 
 
-def delayed(log):
-    late = [np.interp(log.t - LATE, log.t, current) for current in log.current.T]
-    return log.replace(current=np.stack(late, axis=1))
-
-
 def smoothings(model):
     return np.array([term.effect.smoothing for term in model.terms if isinstance(term.effect, Coulomb)])
 
 
 def test_a_late_current_does_not_blur_the_sign_of_velocity(arm):
-    train = [delayed(record(arm, seed)) for seed in (1, 2, 3)]
-    test = [delayed(record(arm, 9))]
+    train = [delayed(record(arm, seed), LATE) for seed in (1, 2, 3)]
+    test = [delayed(record(arm, 9), LATE)]
     model = baseline_model(arm, train)
     found = find_gap(model, train, test)
     assert (smoothings(found.model) < 0.8 * smoothings(model)).all()
@@ -69,8 +64,7 @@ def test_a_late_current_is_told_by_what_its_law_allows(arm, law):
         log = record(arm, seed)
         pole = np.exp(-2 * np.pi * 15.0 / RATE)
         filtered = lfilter([1 - pole], [1, -pole], log.current, axis=0, zi=pole * log.current[:1])[0]
-        shifted = np.stack([np.interp(log.t - 0.01, log.t, x) for x in log.current.T], axis=1)
-        return log.replace(current=shifted if law == "delay" else filtered)
+        return delayed(log, 0.01) if law == "delay" else log.replace(current=filtered)
 
     train = [late(seed) for seed in (1, 2, 3)]
     (one,) = find_gap(baseline_model(arm, train), train).findings
@@ -79,8 +73,7 @@ def test_a_late_current_is_told_by_what_its_law_allows(arm, law):
 
 def test_a_lead_over_more_than_a_sample_is_no_delay(arm):
     def early(log):
-        past = np.column_stack([np.interp(log.t - 0.1, log.t, one) for one in log.current.T])
-        return log.replace(current=log.current + 0.3 * (log.current - past))
+        return log.replace(current=log.current + 0.3 * (log.current - delayed(log, 0.1).current))
 
     train = [early(log) for log in logs(arm, 1)]
     found = find_gap(baseline_model(arm, train), train)
@@ -90,10 +83,9 @@ def test_a_lead_over_more_than_a_sample_is_no_delay(arm):
 
 def test_a_delay_that_shows_on_one_joint_most_is_borne_out_by_the_others(arm):
     def late(seed):
-        log = record(arm, seed)
-        late = np.stack([np.interp(log.t - 0.004, log.t, x) for x in log.current.T], axis=1)
-        late[:, 0] += 0.5 * np.random.default_rng(seed).standard_normal(len(log.t))
-        return log.replace(current=late)
+        log = delayed(record(arm, seed), 0.004)
+        noise = 0.5 * np.random.default_rng(seed).standard_normal(len(log.t))
+        return log.replace(current=log.current + noise[:, None] * [1.0, 0.0])
 
     train = [late(seed) for seed in (1, 2, 3)]
     (one,) = find_gap(baseline_model(arm, train), train).findings

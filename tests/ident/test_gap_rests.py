@@ -5,6 +5,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from planar_arm import delayed
 
 from ident.effects.electrical import CurrentOffset
 from ident.effects.friction import Coulomb
@@ -108,10 +109,7 @@ def test_rests_into_which_a_late_current_reaches_count(arm, monkeypatch, late, s
     """Dry friction that comes late shows in short stops; a sign of velocity chosen wide to blur it hides its law."""
     for what, value in (("NOISE", 0.02), ("STOP", 0.1)):
         monkeypatch.setitem(globals(), what, value)
-    train = [
-        log.replace(current=np.stack([np.interp(log.t - late, log.t, x) for x in log.current.T], axis=1))
-        for log in logs(arm, held=0.0)
-    ]
+    train = [delayed(log, late) for log in logs(arm, held=0.0)]
     model = baseline_model(arm, train)
     wide = (replace(t.effect, smoothing=8e-3) if hasattr(t.effect, "smoothing") else t.effect for t in model.terms)
     terms = tuple(replace(term, effect=effect) for term, effect in zip(model.terms, wide, strict=True))
