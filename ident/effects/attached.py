@@ -81,18 +81,29 @@ class Payload(Weighing):
 class BaseTilt(Weighing):
     """A base that does not stand as the model says: gravity comes from another side (roll about x, then pitch about y).
 
-    Linear for the few degrees that a base is ever off; it loads an upright first joint, which no payload does. The
-    links are the URDF's: those fitted are sums of parameters that act alike under upright gravity only.
+    Linear for the few degrees that a base is ever off; it loads an upright first joint, which no payload does. Links
+    are needed one by one: those fitted are sums of parameters that act alike under upright gravity only.
+
+    Attributes:
+        links: inertial parameters (10 n,) of the links [SI]; those of the URDF where not given.
     """
+
+    links: tuple[float, ...] = ()
 
     name = "base-tilt"
     family = "rigid-body"
     rivals = ("payload", "current-offset")
     excitation = "static poses all around the first axis"
 
+    @classmethod
+    def candidates(cls, survey: Survey, joint: int | None) -> list[Effect]:
+        """Try it on the whole robot, with its likeliest links."""
+        links = tuple(survey.links.tolist())
+        return [cls(None, tuple(survey.per_newton_metre.tolist()), links)] if joint is None else []
+
     @property
     def rough(self) -> bool:
-        """It is: the links are the URDF's."""
+        """It is: single links are known by the URDF more than by logs."""
         return True
 
     def coefficients(self, robot: Robot) -> tuple[Coefficient, ...]:
@@ -104,7 +115,8 @@ class BaseTilt(Weighing):
         arm, rest = context.robot.multibody, np.zeros_like(context.motion.q)
         turned = [np.cross(np.asarray(arm.gravity, dtype=float), axis) for axis in np.eye(3)[:2]]
         body = context.robot.rigid_body
-        weights = [body.inverse_dynamics(context.motion.q, rest, rest, arm.parameters, g) for g in turned]
+        links = np.array(self.links) if self.links else arm.parameters
+        weights = [body.inverse_dynamics(context.motion.q, rest, rest, links, g) for g in turned]
         return self.in_force_units(np.stack(weights, axis=2))
 
 

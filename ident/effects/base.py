@@ -167,6 +167,8 @@ class Survey:
         viscous: share (n,) of it that is viscous.
         largest: largest force (n,) that a model of the logs gives, in its force unit.
         per_newton_metre: force units per N m of each joint, (n,).
+        links: inertial parameters (10 n,) of the links [SI], the likeliest by URDF and model.
+        load_ratio: the links' load as fitted over the URDF's [force unit per N m], (n,); one where gains are known.
         since: earliest time stamp [s].
         lasts: seconds from that to the last.
         logged: share of these that the logs cover.
@@ -191,6 +193,8 @@ class Survey:
     viscous: FloatArray
     largest: FloatArray
     per_newton_metre: FloatArray
+    links: FloatArray
+    load_ratio: FloatArray
     since: float
     lasts: float
     logged: float

@@ -98,7 +98,7 @@ class LoadFriction(DirectedEffect):
         """Try it with links as fitted, and as the URDF has them: without it in the model, it has bent those fitted."""
         if joint is None:
             return []
-        return [cls.seen(survey, joint, load) for load in (0.0, float(survey.per_newton_metre[joint]))]
+        return [cls.seen(survey, joint, load) for load in (0.0, float(survey.load_ratio[joint]))]
 
     def fuller(self, survey: Survey) -> list[Effect]:
         """Return that which loses a share of its own where the load drives the motor."""

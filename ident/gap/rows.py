@@ -10,6 +10,7 @@ from ident.arrays import FloatArray
 from ident.effects.base import Survey, Term
 from ident.effects.direction import SMOOTHING, VelocityEffect
 from ident.errors import InputError
+from ident.gap.bodies import bodies_of
 from ident.gap.edge import edge_columns
 from ident.gap.folds import folds_of
 from ident.gap.joint_gap import JointGap
@@ -59,7 +60,7 @@ def survey_of(model: CurrentModel, panel: Panel, begins: tuple[float, ...] = (),
         if term.effect.name in OF_SPEED:
             force = panel.columns(term.effect, term.shape, term.effect.at) @ term.coefficients
             viscous[term.effect.at] += np.abs(force).mean()
-    nominal = panel.bodies_load
+    nominal, bodies = panel.bodies_load, bodies_of(model)
     stamps = [(float(block.motion.t[0]), float(block.motion.t[-1])) for block in panel.blocks]
     since, last = min(start for start, _ in stamps), max(end for _, end in stamps)
     return Survey(
@@ -71,7 +72,9 @@ def survey_of(model: CurrentModel, panel: Panel, begins: tuple[float, ...] = (),
         friction=dry + viscous,
         viscous=np.clip(viscous / np.maximum(dry + viscous, 1e-12), 0.0, 1.0),
         largest=np.abs(panel.seen("total")).max(axis=0),
-        per_newton_metre=_per_newton_metre(model, panel, nominal),
+        per_newton_metre=bodies.per_newton_metre,
+        links=bodies.parameters,
+        load_ratio=_load_ratio(model, panel, nominal),
         since=since,
         lasts=last - since,
         logged=min(sum(end - start for start, end in stamps) / max(last - since, 1e-9), 1.0),
@@ -149,16 +152,13 @@ def _smoothing(model: CurrentModel, joint: int) -> float:
     return max((t.effect.turns_over(t.shape) for t in own if isinstance(t.effect, VelocityEffect)), default=SMOOTHING)
 
 
-def _per_newton_metre(model: CurrentModel, panel: Panel, nominal: FloatArray) -> FloatArray:
-    """Force units per N m: one where gains are known, else how the links' load compares with the URDF's (N, n)."""
-    robot = model.robot
-    if model.force_unit == NEWTON_METRE:
-        return np.ones(robot.n)
-    ratio = np.ones(robot.n)
-    load = panel.seen("load")
-    for j in range(robot.n):
-        square = float(nominal[:, j] @ nominal[:, j])
-        ratio[j] = float(nominal[:, j] @ load[:, j]) / square if square > 0 else 1.0
+def _load_ratio(model: CurrentModel, panel: Panel, nominal: FloatArray) -> FloatArray:
+    """One where gains are known, else how the links' load compares with the URDF's (N, n)."""
+    ratio, load = np.ones(model.n), panel.seen("load")
+    if model.force_unit != NEWTON_METRE:
+        for j in range(model.n):
+            square = float(nominal[:, j] @ nominal[:, j])
+            ratio[j] = float(nominal[:, j] @ load[:, j]) / square if square > 0 else 1.0
     return ratio
 
 

@@ -1,0 +1,90 @@
+"""Links and drive gains that a model's rows and the URDF tell together."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from ident.effects.attached import BaseTilt
+from ident.effects.base import Term
+from ident.effects.rigid_body import Links, RotorInertia
+from ident.gap.bodies import bodies_of
+from ident.model import NEWTON_METRE, CurrentModel
+
+GAINS = np.array([0.02, 0.03, 0.05, 0.1, 0.08, 0.3])
+"""Amperes per N m."""
+
+
+@pytest.fixture
+def true_links(vs060):
+    links = vs060.multibody.parameters
+    return links * (1.0 + 0.05 * np.random.default_rng(3).standard_normal(links.size))
+
+
+def model_of(robot, links, rotors=True, errors=None):
+    """A model of unknown gains whose rows are of the same links; without terms for rotors they are part of them."""
+    terms = []
+    for j, gain in enumerate(GAINS):
+        effect = Links(j)
+        fitted = gain * effect.base(robot).projection @ links
+        known = np.zeros((0, 0)) if errors is None else errors(j, fitted)
+        terms.append(Term(effect, coefficients=fitted, errors=known))
+    shown = [Term(RotorInertia(j), coefficients=np.array([0.1 * gain])) for j, gain in enumerate(GAINS) if rotors]
+    return CurrentModel(robot, (*terms, *shown), 8.0, 100.0, np.ones(6), "A")
+
+
+def test_gains_are_known_well_beside_one_another(vs060, true_links):
+    found = bodies_of(model_of(vs060, true_links)).per_newton_metre / GAINS
+    assert np.ptp(found) < 0.01
+    assert np.abs(found - 1.0).max() < 0.05
+
+
+def test_weights_under_a_tilt_are_nearer_than_those_of_the_urdf(vs060, true_links, context):
+    bodies = bodies_of(model_of(vs060, true_links))
+    gains = tuple(bodies.per_newton_metre.tolist())
+
+    def weights(tilt, per=1.0):
+        return tilt.columns(context, np.zeros(0), np.zeros(0)) * np.asarray(per)
+
+    true = weights(BaseTilt(None, tuple(GAINS.tolist()), tuple(true_links.tolist())))
+    off = [
+        np.linalg.norm(weights(BaseTilt(None, gains, links)) - true)
+        for links in (tuple(bodies.parameters.tolist()), ())
+    ]
+    assert off[0] < 0.5 * off[1]
+
+
+def test_a_rotor_that_is_part_of_its_links_inertia_bends_no_gain(vs060, true_links):
+    heavy = true_links.copy()
+    heavy[9] += 40.0 * true_links[9]  # of the first link, which turns about z alone
+    with_rotor = bodies_of(model_of(vs060, heavy, rotors=False)).per_newton_metre / GAINS
+    assert np.ptp(with_rotor) < 0.02
+
+
+def test_a_joint_whose_row_tells_no_gain_has_what_is_usual(vs060, true_links):
+    def errors(joint, fitted):
+        return (1e3 if joint == 5 else 1e-3) * np.diag(np.abs(fitted) + 1e-6)
+
+    gains = bodies_of(model_of(vs060, true_links, errors=errors)).per_newton_metre
+    assert gains[5] == pytest.approx(np.median(gains[:5]), rel=0.3)
+    np.testing.assert_allclose(gains[:5] / GAINS[:5], 1.0, atol=0.05)
+
+
+def test_known_gains_are_one_and_the_urdf_stands_where_nothing_was_fitted(vs060, true_links):
+    links = Term(Links(None), coefficients=Links(None).base(vs060).projection @ true_links)
+    rotors = [Term(RotorInertia(j), coefficients=np.array([0.1])) for j in range(6)]
+    model = CurrentModel(vs060, (links, *rotors), 8.0, 100.0, np.ones(6), NEWTON_METRE)
+    found, none = bodies_of(model), bodies_of(replace(model, terms=()))
+    np.testing.assert_array_equal(found.per_newton_metre, 1.0)
+    base = Links(None).base(vs060).projection
+    urdf = vs060.multibody.parameters
+    # What shows is as fitted, but for what a fit leaves open itself.
+    assert np.linalg.norm(base @ (found.parameters - true_links)) < 0.1 * np.linalg.norm(base @ (urdf - true_links))
+    np.testing.assert_array_equal(none.parameters, urdf)
+    np.testing.assert_array_equal(none.per_newton_metre, 1.0)
+
+
+def test_relative_gains_share_one_factor(vs060, true_links):
+    links = Term(Links(None), coefficients=7.0 * Links(None).base(vs060).projection @ true_links)
+    found = bodies_of(CurrentModel(vs060, (links,), 8.0, 100.0, np.ones(6), f"relative {NEWTON_METRE}"))
+    np.testing.assert_allclose(found.per_newton_metre, 7.0, rtol=0.05)
