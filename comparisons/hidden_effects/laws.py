@@ -362,18 +362,29 @@ def _(s: Scene, j: int, a: float, rng: np.random.Generator) -> tuple[FloatArray,
     late = np.empty_like(s.known)
     for piece in pieces(s):
         t = s.t[piece]
-        late[piece] = CubicSpline(t, s.known[piece])(np.maximum(t - seconds, t[0]))
+        late[piece] = between(s, piece, np.maximum(t - seconds, t[0]))
     return late - s.known, {"seconds": seconds}
+
+
+def between(s: Scene, piece: IntArray, then: FloatArray) -> FloatArray:
+    """Return a segment's known force (M, n) at any instants (M,) of it: friction turns between samples, too."""
+    t, turned = s.t[piece], sign(s.dq[piece])
+    # Friction that builds up is no function of velocity, and has no steps.
+    dry = np.where(np.all(s.direction[piece] == turned, axis=0), s.coulomb, 0.0)
+    smooth: FloatArray = CubicSpline(t, s.known[piece] - dry * turned)(then)
+    return smooth + dry * sign(CubicSpline(t, s.dq[piece])(then))
 
 
 @law("filter-lag")
 def _(s: Scene, j: int, a: float, rng: np.random.Generator) -> tuple[FloatArray, dict[str, float]]:
     hertz = 20.0 / a
     # The drive runs ten times as fast as the log, and its currents do not run straight in between.
-    rows, step = np.arange(len(s.t)), float(np.median(np.diff(s.t)))
-    fine = CubicSpline(rows, s.known)(np.arange(10 * len(rows) - 9) / 10.0)
-    pole = np.exp(-2.0 * np.pi * hertz * step / 10.0)
-    # It filters the mean of a period: the newest sample alone would come half a period early.
-    taps = np.full(2, 0.5 * (1.0 - pole))
-    late = lfilter(taps, [1.0, -pole], fine, axis=0, zi=0.5 * (1.0 + pole) * fine[:1])[0][::10]
+    late = np.empty_like(s.known)
+    for piece in pieces(s):
+        t, count = s.t[piece], 10 * len(piece) - 9
+        fine = between(s, piece, np.interp(np.arange(count) / 10.0, np.arange(len(piece)), t))
+        pole = np.exp(-2.0 * np.pi * hertz * float(np.median(np.diff(t))) / 10.0)
+        # It filters the mean of a period: the newest sample alone would come half a period early.
+        taps = np.full(2, 0.5 * (1.0 - pole))
+        late[piece] = lfilter(taps, [1.0, -pole], fine, axis=0, zi=0.5 * (1.0 + pole) * fine[:1])[0][::10]
     return late - s.known, {"hertz": hertz}

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abc import abstractmethod
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -51,11 +51,18 @@ class Delay(Timing):
     Minus the total's mean rate of change over a span of time before each sample: over a span as long as the delay this
     is the delay itself, over any span it is the delay to first order, which also a lead is (negative seconds).
 
+    Between samples the total runs straight, but for dry friction that turns as its joint does, whose steps would else
+    be smeared over a sample and with them the delays that are shorter.
+
     Attributes:
-        sample: sampling period [s] of the logs, within which one span is as good as another.
+        sample: sampling period [s] of the logs, within which one span is as good as another where nothing turns.
+        dry: dry friction (k,) of the joints that come late, in the model's force unit; none turns where not given.
+        turns: speeds (k,) over which it does [rad/s or m/s].
     """
 
     sample: float = 0.0
+    dry: tuple[float, ...] = ()
+    turns: tuple[float, ...] = ()
 
     name = "delay"
     family = "timing"
@@ -65,7 +72,7 @@ class Delay(Timing):
 
     @property
     def shapes(self) -> tuple[Shape, ...]:
-        """Return the span; at its shortest, one sample or less, it is the first order."""
+        """Return the span; where nothing turns it is the first order at its shortest, one sample or less."""
         return (Shape("span", "s", 1e-3, 0.1, (2e-3, 6e-3, 18e-3, 54e-3), ends=(False, True)),)
 
     def coefficients(self, robot: Robot) -> tuple[Coefficient, ...]:
@@ -74,12 +81,16 @@ class Delay(Timing):
 
     @classmethod
     def candidates(cls, survey: Survey, joint: int | None) -> list[Effect]:
-        """Try it on single joints and on the whole robot."""
-        return [cls(joint, 1.0 / survey.rate)]
+        """Try it on single joints and on the whole robot, with dry friction that turns between samples and without."""
+        rows = slice(None) if joint is None else slice(joint, joint + 1)
+        # What builds up over a displacement has no steps.
+        dry = np.where(survey.presliding > 0.0, 0.0, survey.holds)[rows]
+        plain, steps = cls(joint, 1.0 / survey.rate), (tuple(dry.tolist()), tuple(survey.smoothing[rows].tolist()))
+        return [plain, replace(plain, dry=steps[0], turns=steps[1])] if dry.any() else [plain]
 
     def plain(self, shape: FloatArray) -> FloatArray | None:
-        """Return the span, so that all of the current comes late; any delay where the span is within a sample."""
-        return None if float(shape[0]) <= self.sample else shape[:1]
+        """Return the span, so that all of the current comes late; any delay where spans within a sample are alike."""
+        return None if float(shape[0]) <= self.sample and not self.dry else shape[:1]
 
     def lateness(self, shape: FloatArray, coefficients: FloatArray) -> float:
         """Return the span where it is the delay, else the delay to first order."""
@@ -87,14 +98,16 @@ class Delay(Timing):
         return float((coefficients if meant is None else meant)[0])
 
     def start(self) -> FloatArray:
-        """Return the last times and values, none known before the first sample."""
-        return np.full(SAMPLES * (1 + MOST_JOINTS), np.nan)
+        """Return the last times, values and velocities, none known before the first sample."""
+        return np.full(SAMPLES * (1 + 2 * MOST_JOINTS), np.nan)
 
     def columns(self, context: Context, shape: FloatArray, memory: FloatArray) -> FloatArray:
         """Return minus the mean rate of the total over the span."""
         # Within a sample all spans say the same to the last digit: a search would follow round-off.
-        span = max(float(shape[0]), self.sample)
-        rate = _mean_rate(context.motion.t, self.signal(context), span, memory)
+        span = float(shape[0]) if self.dry else max(float(shape[0]), self.sample)
+        velocity = context.motors.dq if self.joint is None else context.motors.dq[:, self.joint, None]
+        steps = _Steps(np.array(self.dry), np.array(self.turns)) if self.dry else None
+        rate = _mean_rate(context.motion.t, self.signal(context), velocity, steps, span, memory)
         return -rate if self.joint is not None else -rate[:, :, None]
 
 
@@ -136,14 +149,34 @@ class FilterLag(Timing):
         return lag if self.joint is not None else lag[:, :, None]
 
 
-def _mean_rate(t: FloatArray, x: FloatArray, span: float, memory: FloatArray) -> FloatArray:
+@dataclass(frozen=True, eq=False)
+class _Steps:
+    """Dry friction (k,) that turns over speeds (k,)."""
+
+    dry: FloatArray
+    turns: FloatArray
+
+    def at(self, velocity: FloatArray) -> FloatArray:
+        """Return its force (N, k) at velocities (N, k)."""
+        force: FloatArray = self.dry * np.tanh(velocity / self.turns)
+        return force
+
+
+def _mean_rate(
+    t: FloatArray, x: FloatArray, velocity: FloatArray, steps: _Steps | None, span: float, memory: FloatArray
+) -> FloatArray:
     """Mean rate of change (N, k) of x (N, k) over the span before each sample; before the first, x stands still."""
     joints = x.shape[1]
-    known = memory.reshape(SAMPLES, 1 + MOST_JOINTS)[:, : 1 + joints]
-    past = np.vstack([known[~np.isnan(known[:, 0])], np.column_stack([t, x])])
-    earlier = np.column_stack([np.interp(t - span, past[:, 0], past[:, 1 + j]) for j in range(joints)])
+    known = memory.reshape(SAMPLES, 1 + 2 * MOST_JOINTS)[:, : 1 + 2 * joints]
+    past = np.vstack([known[~np.isnan(known[:, 0])], np.column_stack([t, x, velocity])])
     kept = min(len(past), SAMPLES)
     known[SAMPLES - kept :] = past[-kept:]
+    times, values, speeds = past[:, 0], past[:, 1 : 1 + joints], past[:, 1 + joints :]
+
+    def then(of: FloatArray) -> FloatArray:
+        return np.column_stack([np.interp(t - span, times, of[:, j]) for j in range(joints)])
+
+    earlier = then(values) if steps is None else then(values - steps.at(speeds)) + steps.at(then(speeds))
     rate: FloatArray = (x - earlier) / span
     return rate
 

@@ -25,8 +25,9 @@ LIGHTEST = 0.01
 ROTOR = 30.0
 """Times its link's inertia that a rotor's may be where it is fitted as part of the link's."""
 
-EXACT = 0.1
-"""Share of what the URDF leaves open of a base parameter that a fit does, however little noise it had."""
+EXACT, UNKNOWN = 0.1, 1.0
+"""Share of what the URDF leaves open of a base parameter that a fit does, however little noise it had, and one whose
+errors are not known."""
 
 BENT = 3.0
 """Times its standard deviation that a fitted base parameter is off by: what the model lacks has bent it, too."""
@@ -62,7 +63,7 @@ def bodies_of(model: CurrentModel) -> Bodies:
     another than all of them together. A joint whose row does not tell its gain gets what is usual among the others.
     """
     urdf, links = _Guess.of(model), [term for term in model.terms if isinstance(term.effect, Links)]
-    rows = [row for row in (_Row.of(model, term) for term in links) if np.any(row.made_of @ urdf.values)]
+    rows = [row for row in (_Row.of(model, term, urdf) for term in links) if row.gain > 0.0]
     gains = np.ones(model.n)
     if not rows:
         return Bodies(urdf.values[: 10 * model.n], gains)
@@ -106,17 +107,21 @@ class _Row:
     Attributes:
         joints: whose.
         made_of: what each is made of, (b, 11 n), per unit of the gain.
+        expected: what the URDF says of them, (b,) per unit of the gain.
         fitted: as fitted, (b,) in force units.
+        gain: by how much they are larger, roughly.
         noise: covariance (b, b) of what they are off by.
     """
 
     joints: slice | int
     made_of: FloatArray
+    expected: FloatArray
     fitted: FloatArray
+    gain: float
     noise: FloatArray
 
     @classmethod
-    def of(cls, model: CurrentModel, term: Term) -> _Row:
+    def of(cls, model: CurrentModel, term: Term, urdf: _Guess) -> _Row:
         """A model's links; a rotor that does not show beside them acts as a ball does that turns with its link."""
         links, n = term.effect, model.n
         assert isinstance(links, Links)
@@ -124,37 +129,36 @@ class _Row:
         of_rotors = of_links.reshape(-1, n, 10)[:, :, DIAGONAL].sum(axis=2)
         if links.joint is not None:
             of_rotors[:, np.arange(n) != links.joint] = 0.0
+        made_of = np.hstack([of_links, of_rotors])
+        expected, unit = made_of @ urdf.values, np.linalg.norm(made_of * urdf.spread, axis=1)
+        size = float(np.linalg.norm(expected / unit))
+        gain = float(np.linalg.norm(term.coefficients / unit)) / size if size > 0.0 else 0.0
         known = term.errors.shape[1] > 0
-        noise = BENT**2 * term.errors @ term.errors.T if known else np.zeros((len(of_links), len(of_links)))
+        noise = np.diag(((EXACT if known else UNKNOWN) * gain * unit) ** 2)
+        if known:
+            noise += BENT**2 * term.errors @ term.errors.T
         joints = slice(None) if links.joint is None else links.joint
-        return cls(joints, np.hstack([of_links, of_rotors]), term.coefficients, noise)
+        return cls(joints, made_of, expected, term.coefficients, gain, noise)
 
 
 def _seen(rows: Sequence[_Row], gains: FloatArray, urdf: _Guess) -> tuple[FloatArray, FloatArray]:
     """What all base parameters are made of at these gains, (p, 11 n), and the covariance (p, p) of what is expected."""
     seen = np.concatenate([gain * row.made_of for row, gain in zip(rows, gains, strict=True)])
-    scatter = (seen * urdf.spread**2) @ seen.T
-    return seen, scatter + EXACT**2 * np.diag(np.diag(scatter)) + block_diag(*[row.noise for row in rows])
+    return seen, (seen * urdf.spread**2) @ seen.T + block_diag(*[row.noise for row in rows])
 
 
 def _gains(rows: Sequence[_Row], urdf: _Guess) -> FloatArray:
     """Gains (rows,) by generalised least squares; their weights depend on the gains, so they are found in rounds."""
     fitted = np.concatenate([row.fitted for row in rows])
-    each = [row.made_of @ urdf.values for row in rows]
-    expected = block_diag(*[one[:, None] for one in each])
-    sizes = [np.linalg.norm(row.made_of * urdf.spread, axis=1) for row in rows]
-    unit = np.concatenate(sizes)
-    gains = np.array([_ratio(row.fitted / s, one / s) for row, s, one in zip(rows, sizes, each, strict=True)])
+    expected = block_diag(*[row.expected[:, None] for row in rows])
+    gains = np.array([row.gain for row in rows])
     for _ in range(TURNS):
         usual, before = float(np.median(gains)), gains
         _, scatter = _seen(rows, gains, urdf)
+        unit = np.sqrt(np.diag(scatter))
         weighed = np.linalg.solve(scatter / np.outer(unit, unit), expected / unit[:, None]).T / unit
         least = 1.0 / (OPEN * np.maximum(abs(usual), np.abs(gains))) ** 2
         gains = np.linalg.solve(weighed @ expected + np.diag(least), weighed @ fitted + least * usual)
         if np.abs(gains - before).max() < CLOSE * abs(usual):
             break
     return gains
-
-
-def _ratio(y: FloatArray, x: FloatArray) -> float:
-    return float(x @ y / (x @ x))

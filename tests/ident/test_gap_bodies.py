@@ -27,7 +27,7 @@ def model_of(robot, links, rotors=True, errors=None):
     for j, gain in enumerate(GAINS):
         effect = Links(j)
         fitted = gain * effect.base(robot).projection @ links
-        known = np.zeros((0, 0)) if errors is None else errors(j, fitted)
+        known = np.zeros((len(fitted), 1)) if errors is None else errors(j, fitted)
         terms.append(Term(effect, coefficients=fitted, errors=known))
     shown = [Term(RotorInertia(j), coefficients=np.array([0.1 * gain])) for j, gain in enumerate(GAINS) if rotors]
     return CurrentModel(robot, (*terms, *shown), 8.0, 100.0, np.ones(6), "A")
@@ -71,7 +71,8 @@ def test_a_joint_whose_row_tells_no_gain_has_what_is_usual(vs060, true_links):
 
 
 def test_known_gains_are_one_and_the_urdf_stands_where_nothing_was_fitted(vs060, true_links):
-    links = Term(Links(None), coefficients=Links(None).base(vs060).projection @ true_links)
+    fitted = Links(None).base(vs060).projection @ true_links
+    links = Term(Links(None), coefficients=fitted, errors=np.zeros((len(fitted), 1)))
     rotors = [Term(RotorInertia(j), coefficients=np.array([0.1])) for j in range(6)]
     model = CurrentModel(vs060, (links, *rotors), 8.0, 100.0, np.ones(6), NEWTON_METRE)
     found, none = bodies_of(model), bodies_of(replace(model, terms=()))
@@ -82,6 +83,13 @@ def test_known_gains_are_one_and_the_urdf_stands_where_nothing_was_fitted(vs060,
     assert np.linalg.norm(base @ (found.parameters - true_links)) < 0.1 * np.linalg.norm(base @ (urdf - true_links))
     np.testing.assert_array_equal(none.parameters, urdf)
     np.testing.assert_array_equal(none.per_newton_metre, 1.0)
+
+
+def test_a_model_whose_errors_are_not_known_stands_beside_the_urdf(vs060, true_links):
+    # Rows that deny one another, were they exact, make gains no smaller.
+    noisy = true_links * (1.0 + 0.5 * np.random.default_rng(1).standard_normal(true_links.size))
+    model = model_of(vs060, noisy, errors=lambda joint, fitted: np.zeros((0, 0)))
+    assert np.all(np.abs(np.log(bodies_of(model).per_newton_metre / GAINS)) < 1.0)
 
 
 def test_relative_gains_share_one_factor(vs060, true_links):

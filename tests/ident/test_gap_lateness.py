@@ -13,7 +13,8 @@ from ident.effects.timing import Delay, FilterLag
 from ident.gap import baseline_model, belief, find_gap
 from ident.gap.candidates import Trial
 from ident.gap.joint_gap import Named
-from ident.gap.lateness import InTime
+from ident.gap.lateness import InTime, turned_in_time
+from ident.gap.rests import find_rests
 from ident.gap.rows import held_of, panel_of
 from ident.log import JointLog
 
@@ -36,19 +37,28 @@ def test_a_late_current_does_not_blur_the_sign_of_velocity(arm):
     assert (found.evidence.after < 1.02 * NOISE).all()
 
 
-def test_a_log_in_time_is_the_log_without_the_delay():
+def test_a_log_in_time_has_the_motion_that_its_currents_are_of():
     t = np.arange(300) / 100.0
-    wave = np.sin(t)[:, None] * [1.0, 2.0]
-    log = replace(
-        JointLog(t=t, q=wave, current=np.stack([wave[:, 0], np.sin(t - LATE)], axis=1)),
-        segment=np.repeat([0, 1], [100, 200]),
-    )
-    whole = InTime(log, np.array([0.0, LATE])).read().current
-    inside = np.concatenate([np.arange(98), np.arange(100, 298)])
-    np.testing.assert_allclose(whole[:, 0], wave[:, 0])
-    np.testing.assert_allclose(whole[inside, 1], np.sin(t)[inside], atol=1e-4)
-    blocks = np.concatenate([block.current for block in InTime(log, np.array([0.0, LATE])).blocks(1000)])
-    np.testing.assert_array_equal(blocks, whole)
+    log = JointLog(t=t, q=np.sin(t)[:, None], dq=np.cos(t)[:, None], current=np.sin(t - LATE)[:, None])
+    log = replace(log, segment=np.repeat([0, 1], [100, 200]))
+    whole = InTime(log, LATE).read()
+    np.testing.assert_array_equal(whole.t, np.delete(t, [0, 1, 100, 101]))
+    np.testing.assert_allclose(whole.q, whole.current, atol=1e-6)
+    np.testing.assert_allclose(whole.dq[:, 0], np.cos(whole.t - LATE), atol=1e-6)
+    blocks = [block.q for block in InTime(log, LATE).blocks(1000)]
+    np.testing.assert_array_equal(np.concatenate(blocks), whole.q)
+    early = InTime(log, -LATE).read()
+    np.testing.assert_array_equal(early.t, np.delete(t, [98, 99, 298, 299]))
+
+
+def test_signs_are_chosen_anew_where_currents_come_late_alone(arm):
+    train = [record(arm, seed) for seed in (1, 2)]
+    own = [delayed(log, LATE).current[:, 1] for log in train]
+    late = [log.replace(current=np.column_stack([log.current[:, 0], i])) for log, i in zip(train, own, strict=True)]
+    model = baseline_model(arm, late)
+    turned = turned_in_time(model, late, find_rests(model, late), np.array([0.0, LATE]))
+    assert smoothings(turned)[0] == smoothings(model)[0]
+    assert smoothings(turned)[1] < 0.8 * smoothings(model)[1]
 
 
 def test_how_late_a_current_comes_in_slow_motion():
