@@ -18,6 +18,7 @@ from ident.effects.hysteresis import Backlash, MaxwellSlip
 from ident.effects.rigid_body import CableSpring, Links, RotorInertia
 from ident.effects.ripple import GearRipple
 from ident.effects.thermal import ThermalFriction
+from ident.effects.timing import Delay
 from ident.effects.transmission import Elasticity
 from ident.errors import InputError
 from ident.model import NEWTON_METRE, CurrentModel
@@ -101,6 +102,8 @@ VARIANTS = (
     Elasticity(1, everywhere=True, rings=True, motor=0.2, even=2.0),
     GearRipple(1, harmonics=2, largest=5.0),
     GearRipple(1, harmonics=3, rolls=True),
+    Delay(1, dry=(2.0,), turns=(2e-3,)),
+    Delay(None, dry=(2.0,) * 6, turns=(2e-3,) * 6),
 )
 
 
