@@ -18,7 +18,7 @@ from ident.effects.hysteresis import Backlash, MaxwellSlip
 from ident.effects.rigid_body import CableSpring, Links, RotorInertia
 from ident.effects.ripple import GearRipple
 from ident.effects.thermal import ThermalFriction
-from ident.effects.timing import Delay
+from ident.effects.timing import Delay, FilterLag
 from ident.effects.transmission import Elasticity
 from ident.errors import InputError
 from ident.model import NEWTON_METRE, CurrentModel
@@ -104,6 +104,8 @@ VARIANTS = (
     GearRipple(1, harmonics=3, rolls=True),
     Delay(1, dry=(2.0,), turns=(2e-3,)),
     Delay(None, dry=(2.0,) * 6, turns=(2e-3,) * 6),
+    FilterLag(1, dry=(2.0,), turns=(2e-3,)),
+    FilterLag(None, dry=(2.0,) * 6, turns=(2e-3,) * 6),
 )
 
 

@@ -62,7 +62,7 @@ def test_signs_are_chosen_anew_where_currents_come_late_alone(arm):
 
 
 def test_how_late_a_current_comes_in_slow_motion():
-    delay, lag = Delay(None, 0.01), FilterLag(None)
+    delay, lag = Delay(None, sample=0.01), FilterLag(None)
     assert delay.lateness(np.array([0.03]), np.array([0.028])) == 0.03
     assert delay.lateness(np.array([0.005]), np.array([0.004])) == 0.004
     assert lag.lateness(np.array([10.0]), np.array([0.5])) == pytest.approx(0.5 / (20.0 * np.pi))

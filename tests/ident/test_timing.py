@@ -21,7 +21,7 @@ def test_a_delay_over_a_span_of_its_own_length_is_exact(vs060):
     first_order = Delay(4).columns(context, np.array([0.001]), Delay(4).start())[1:, 0]
     np.testing.assert_allclose(first_order, -np.diff(total[:, 4]) / 0.002, atol=1e-9)
     # To the last digit whatever the span, so that no search follows round-off.
-    within = [Delay(4, 0.002).columns(context, np.array([s]), Delay(4).start()) for s in (0.001, 0.0013)]
+    within = [Delay(4, sample=0.002).columns(context, np.array([s]), Delay(4).start()) for s in (0.001, 0.0013)]
     np.testing.assert_array_equal(*within)
 
 
@@ -61,3 +61,20 @@ def test_steps_of_dry_friction_come_late_within_a_sample(vs060, swinging):
         return np.sqrt(np.mean((found - before)[1:] ** 2))
 
     assert left(steps) < 0.2 * left(plain)
+
+
+def test_a_filter_follows_steps_of_dry_friction_within_a_sample(vs060, swinging):
+    fine, every = swinging(40.0, 1000.0), 20
+    dry, turns = (3.0,) * 6, (1e-4,) * 6
+
+    def left(lag, rows, total):
+        context = Context(vs060, fine[rows], total=total)
+        return lag.columns(context, np.array([25.0]), lag.start())[:, :, 0]
+
+    total = np.cos(fine.q) + 3.0 * np.tanh(fine.dq / 1e-4)
+    true = left(FilterLag(None), slice(None), total)[::every]
+    straight, steps = (
+        np.sqrt(np.mean((left(lag, slice(None, None, every), total[::every]) - true) ** 2))
+        for lag in (FilterLag(None), FilterLag(None, dry, turns))
+    )
+    assert steps < 0.2 * straight
