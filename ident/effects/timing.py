@@ -18,14 +18,24 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, eq=False)
 class Steps:
-    """Dry friction (k,) that turns over speeds (k,), at velocities (N, k)."""
+    """Dry friction that turns with the velocity.
+
+    Attributes:
+        dry: its force (k,).
+        turns: speeds (k,) over which it turns [rad/s or m/s].
+        velocity: velocities (N, k) seen.
+    """
 
     dry: FloatArray
     turns: FloatArray
     velocity: FloatArray
 
     def at(self, velocity: FloatArray) -> FloatArray:
-        """Return its force (M, k) at velocities (M, k)."""
+        """Return its force (M, k).
+
+        Args:
+            velocity: (M, k) [rad/s or m/s].
+        """
         return np.where(self.dry > 0.0, self.dry * np.tanh(velocity / self.turns), 0.0)
 
 
@@ -47,7 +57,11 @@ class Timing(Effect):
     softens = True
 
     def turning(self, survey: Survey) -> Self | None:
-        """Return it with the dry friction of its joints; None where there is none, or none that turns in steps."""
+        """Return it with the dry friction of its joints; None where there is none, or none that turns in steps.
+
+        Args:
+            survey: facts about the logs.
+        """
         rows = slice(None) if self.joint is None else slice(self.joint, self.joint + 1)
         # What builds up over a displacement has no steps.
         dry = np.where(survey.presliding > 0.0, 0.0, survey.holds)[rows]
@@ -55,7 +69,11 @@ class Timing(Effect):
         return replace(self, dry=tuple(dry.tolist()), turns=tuple(turns.tolist())) if dry.any() else None
 
     def steps(self, context: Context) -> Steps:
-        """Return the dry friction that turns, none of it where it is not given, and the velocity by which it does."""
+        """Return the dry friction that turns, none of it where it is not given, and the velocity by which it does.
+
+        Args:
+            context: what it sees of the motion.
+        """
         velocity = context.motors.dq if self.joint is None else context.motors.dq[:, self.joint, None]
         joints = velocity.shape[1]
         dry, turns = (self.dry, self.turns) if self.dry else (np.zeros(joints), np.ones(joints))
