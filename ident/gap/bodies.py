@@ -92,7 +92,7 @@ class _Guess:
     def of(cls, model: CurrentModel) -> _Guess:
         """What the URDF says, and nothing of rotors that the model has no term for."""
         body = model.robot.multibody.parameters.reshape(-1, 10)
-        mass = np.maximum(body[:, 0], LIGHTEST * body[:, 0].sum())
+        mass = np.maximum(body[:, 0], max(LIGHTEST * body[:, 0].sum(), 1e-9))  # a URDF may have no masses
         away = np.maximum(np.linalg.norm(body[:, 1:4], axis=1) / mass, NEAREST)
         inertia = np.maximum(0.5 * body[:, DIAGONAL].sum(axis=1), mass * away**2)
         links = OFF * np.column_stack([mass, *[mass * away] * 3, *[inertia] * 6])
@@ -102,7 +102,7 @@ class _Guess:
 
 @dataclass(frozen=True, eq=False)
 class _Row:
-    """Base parameters as fitted, of one joint's row or of all joints'.
+    """Base parameters as fitted, of one joint's row or of all joints', each over what the URDF leaves open of it.
 
     Attributes:
         joints: whose.
@@ -130,15 +130,18 @@ class _Row:
         if links.joint is not None:
             of_rotors[:, np.arange(n) != links.joint] = 0.0
         made_of = np.hstack([of_links, of_rotors])
-        expected, unit = made_of @ urdf.values, np.linalg.norm(made_of * urdf.spread, axis=1)
-        size = float(np.linalg.norm(expected / unit))
-        gain = float(np.linalg.norm(term.coefficients / unit)) / size if size > 0.0 else 0.0
+        unit = 1.0 / np.linalg.norm(made_of * urdf.spread, axis=1)
+        made_of, fitted = made_of * unit[:, None], term.coefficients * unit
+        expected = made_of @ urdf.values
+        size = float(np.linalg.norm(expected))
+        gain = float(np.linalg.norm(fitted)) / size if size > 0.0 else 0.0
         known = term.errors.shape[1] > 0
-        noise = np.diag(((EXACT if known else UNKNOWN) * gain * unit) ** 2)
+        noise = ((EXACT if known else UNKNOWN) * gain) ** 2 * np.eye(len(unit))
         if known:
-            noise += BENT**2 * term.errors @ term.errors.T
+            errors = BENT * term.errors * unit[:, None]
+            noise += errors @ errors.T
         joints = slice(None) if links.joint is None else links.joint
-        return cls(joints, made_of, expected, term.coefficients, gain, noise)
+        return cls(joints, made_of, expected, fitted, gain, noise)
 
 
 def _seen(rows: Sequence[_Row], gains: FloatArray, urdf: _Guess) -> tuple[FloatArray, FloatArray]:
@@ -155,8 +158,7 @@ def _gains(rows: Sequence[_Row], urdf: _Guess) -> FloatArray:
     for _ in range(TURNS):
         usual, before = float(np.median(gains)), gains
         _, scatter = _seen(rows, gains, urdf)
-        unit = np.sqrt(np.diag(scatter))
-        weighed = np.linalg.solve(scatter / np.outer(unit, unit), expected / unit[:, None]).T / unit
+        weighed = np.linalg.solve(scatter, expected).T
         least = 1.0 / (OPEN * np.maximum(abs(usual), np.abs(gains))) ** 2
         gains = np.linalg.solve(weighed @ expected + np.diag(least), weighed @ fitted + least * usual)
         if np.abs(gains - before).max() < CLOSE * abs(usual):

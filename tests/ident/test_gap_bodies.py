@@ -96,3 +96,11 @@ def test_relative_gains_share_one_factor(vs060, true_links):
     links = Term(Links(None), coefficients=7.0 * Links(None).base(vs060).projection @ true_links)
     found = bodies_of(CurrentModel(vs060, (links,), 8.0, 100.0, np.ones(6), f"relative {NEWTON_METRE}"))
     np.testing.assert_allclose(found.per_newton_metre, 7.0, rtol=0.05)
+
+
+def test_a_urdf_without_masses_tells_no_gain(vs060, true_links):
+    model = model_of(vs060, true_links)
+    bare = replace(vs060, multibody=replace(vs060.multibody, parameters=np.zeros(60)))
+    found = bodies_of(replace(model, robot=bare))
+    np.testing.assert_array_equal(found.per_newton_metre, 1.0)
+    np.testing.assert_array_equal(found.parameters, 0.0)
