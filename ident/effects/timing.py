@@ -56,17 +56,26 @@ class Timing(Effect):
 
     softens = True
 
-    def turning(self, survey: Survey) -> Self | None:
-        """Return it with the dry friction of its joints; None where there is none, or none that turns in steps.
-
-        Args:
-            survey: facts about the logs.
-        """
-        rows = slice(None) if self.joint is None else slice(self.joint, self.joint + 1)
+    @classmethod
+    def candidates(cls, survey: Survey, joint: int | None) -> list[Effect]:
+        """Try it on single joints and on the whole robot, by samples alone and with friction that turns in steps."""
+        straight = cls.straight(survey, joint)
+        rows = slice(None) if joint is None else slice(joint, joint + 1)
         # What builds up over a displacement has no steps.
         dry = np.where(survey.presliding > 0.0, 0.0, survey.holds)[rows]
         turns = survey.smoothing[rows]
-        return replace(self, dry=tuple(dry.tolist()), turns=tuple(turns.tolist())) if dry.any() else None
+        steps = replace(straight, dry=tuple(dry.tolist()), turns=tuple(turns.tolist()))
+        return [straight, steps] if dry.any() else [straight]
+
+    @classmethod
+    def straight(cls, survey: Survey, joint: int | None) -> Self:
+        """Return it where nothing turns between samples.
+
+        Args:
+            survey: facts about the logs.
+            joint: its joint, or None for all.
+        """
+        return cls(joint)
 
     def steps(self, context: Context) -> Steps:
         """Return the dry friction that turns, none of it where it is not given, and the velocity by which it does.
@@ -131,11 +140,9 @@ class Delay(Timing):
         return (Coefficient("seconds", "s"),)
 
     @classmethod
-    def candidates(cls, survey: Survey, joint: int | None) -> list[Effect]:
-        """Try it on single joints and on the whole robot, as a lead may be, and with friction that turns in steps."""
-        straight = cls(joint, sample=1.0 / survey.rate)
-        steps = straight.turning(survey)
-        return [straight] if steps is None else [straight, steps]
+    def straight(cls, survey: Survey, joint: int | None) -> Self:
+        """Return it with the logs' sampling period."""
+        return cls(joint, sample=1.0 / survey.rate)
 
     def plain(self, shape: FloatArray) -> FloatArray | None:
         """Return the span, so that all of the current comes late; any delay where spans within a sample are alike."""
@@ -167,12 +174,6 @@ class FilterLag(Timing):
     needs = ("total",)
     rivals = ("delay", "viscous")
     excitation = "quick changes of current next to plateaus of constant speed"
-
-    @classmethod
-    def candidates(cls, survey: Survey, joint: int | None) -> list[Effect]:
-        """Try it on single joints and on the whole robot, with friction that turns in steps if it does."""
-        straight = cls(joint)
-        return [straight.turning(survey) or straight]
 
     @property
     def shapes(self) -> tuple[Shape, ...]:
