@@ -13,9 +13,10 @@ from ident.cautions import gain_warnings, sign_warnings, still_warnings
 from ident.current_unit import check_unit
 from ident.drive_gain import GainEstimate
 from ident.effects import load_catalogue
-from ident.effects.base import Effect, Survey
+from ident.effects.base import Effect
 from ident.effects.direction import DirectedEffect, VelocityEffect
 from ident.effects.hysteresis import CrossJointHysteresis
+from ident.effects.survey import Survey
 from ident.effects.transmission import CrossJointFriction
 from ident.errors import InputError
 from ident.feasible import Feasible, SolverFailure, feasible_parameters

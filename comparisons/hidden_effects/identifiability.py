@@ -11,7 +11,8 @@ import numpy as np
 
 from ident.arrays import FloatArray
 from ident.effects import load_catalogue
-from ident.effects.base import Effect, Survey
+from ident.effects.base import Effect
+from ident.effects.survey import Survey
 from ident.gap.candidates import forms, grid, lower_bounds
 from ident.gap.climb import climb
 from ident.gap.panel import Panel

@@ -13,7 +13,8 @@ from functools import cached_property
 import numpy as np
 
 from ident.arrays import FloatArray
-from ident.effects.base import Effect, Survey
+from ident.effects.base import Effect
+from ident.effects.survey import Survey
 from ident.gap.candidates import best_start, forms
 from ident.gap.panel import Panel
 from ident.gap.problem import JointProblem

@@ -2,7 +2,8 @@
 
 from importlib import import_module
 
-from ident.effects.base import Coefficient, Context, Effect, Shape, Survey, Term
+from ident.effects.base import Coefficient, Context, Effect, Shape, Term
+from ident.effects.survey import Survey
 
 FILES = (
     "rigid_body",

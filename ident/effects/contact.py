@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ident.arrays import FloatArray
-from ident.effects.base import Coefficient, Context, Effect, Survey
+from ident.effects.base import Coefficient, Context, Effect
+from ident.effects.survey import Survey
 
 if TYPE_CHECKING:
     from ident.robot import Robot

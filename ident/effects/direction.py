@@ -9,7 +9,8 @@ import numpy as np
 
 from ident.arrays import FloatArray
 from ident.compiled import compiled
-from ident.effects.base import Context, Effect, Survey
+from ident.effects.base import Context, Effect
+from ident.effects.survey import Survey
 
 SMOOTHING = 5e-3
 """Speed [rad/s or m/s] over which the sign of a velocity turns, where the data do not ask for more."""

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ident.arrays import FloatArray
-from ident.effects.base import Coefficient, Context, Effect, Shape, Survey
+from ident.effects.base import Coefficient, Context, Effect, Shape
 from ident.effects.elapsed import elapsed
 from ident.effects.ripple import (
     GEAR_HARMONICS,
@@ -18,6 +18,7 @@ from ident.effects.ripple import (
     most_of_gears,
     ripples_apart,
 )
+from ident.effects.survey import Survey
 from ident.effects.told_at_largest import ToldAtLargest
 
 if TYPE_CHECKING:

@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ident.arrays import FloatArray
-from ident.effects.base import Coefficient, Context, Effect, Shape, Survey
+from ident.effects.base import Coefficient, Context, Effect, Shape
+from ident.effects.survey import Survey
 
 if TYPE_CHECKING:
     from ident.base_parameters import BaseParameters

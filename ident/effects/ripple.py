@@ -12,7 +12,8 @@ import numpy as np
 import numpy.typing as npt
 
 from ident.arrays import FloatArray
-from ident.effects.base import Coefficient, Context, Effect, Shape, Survey
+from ident.effects.base import Coefficient, Context, Effect, Shape
+from ident.effects.survey import Survey
 
 if TYPE_CHECKING:
     from ident.robot import Robot

@@ -9,9 +9,10 @@ import numpy as np
 
 from ident.arrays import FloatArray
 from ident.compiled import compiled
-from ident.effects.base import Coefficient, Context, Effect, Shape, Survey
+from ident.effects.base import Coefficient, Context, Effect, Shape
 from ident.effects.direction import DirectedEffect
 from ident.effects.elapsed import elapsed
+from ident.effects.survey import Survey
 
 if TYPE_CHECKING:
     from ident.robot import Robot

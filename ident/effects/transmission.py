@@ -10,8 +10,9 @@ import numpy as np
 
 from ident.arrays import FloatArray
 from ident.compiled import compiled
-from ident.effects.base import Coefficient, Context, Effect, Shape, Survey
+from ident.effects.base import Coefficient, Context, Effect, Shape
 from ident.effects.direction import build_up
+from ident.effects.survey import Survey
 from ident.effects.told_at_largest import ToldAtLargest
 from ident.effects.two_masses import LINK_FRICTION, link_behind, motor_inertia, searched_motor
 

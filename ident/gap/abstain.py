@@ -9,8 +9,8 @@ from threadpoolctl import threadpool_limits
 
 from ident.arrays import FloatArray, IntArray
 from ident.compiled import compiled
-from ident.effects.base import Survey
 from ident.effects.elapsed import elapsed
+from ident.effects.survey import Survey
 from ident.gap.counts import counted_acceleration, counted_force
 from ident.gap.panel import Panel
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 
-from ident.effects.base import Survey
+from ident.effects.survey import Survey
 from ident.gap.candidates import Trial, in_rows, kind_of, refine, with_errors
 from ident.gap.joint_gap import JointGap, Named
 from ident.gap.panel import Panel

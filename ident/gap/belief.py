@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from ident.arrays import FloatArray
-from ident.effects.base import Survey
+from ident.effects.survey import Survey
 from ident.gap.abstain import explainable
 from ident.gap.bursts import bursts
 from ident.gap.constancy import inconstancy

@@ -10,7 +10,8 @@ import numpy as np
 
 from ident.arrays import BoolArray, FloatArray
 from ident.effects import load_catalogue
-from ident.effects.base import Effect, Shape, Survey
+from ident.effects.base import Effect, Shape
+from ident.effects.survey import Survey
 from ident.gap.climb import climb
 from ident.gap.gate import Gate
 from ident.gap.panel import Panel

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ident.effects.base import Survey
+from ident.effects.survey import Survey
 from ident.gap.abstain import signals
 from ident.gap.candidates import admissible
 from ident.gap.joint_gap import JointGap, Named, gate_of

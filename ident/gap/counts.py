@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 
 from ident.arrays import FloatArray
-from ident.effects.base import Survey
+from ident.effects.survey import Survey
 from ident.gap.panel import Panel
 
 ROUNDING = 1e-9

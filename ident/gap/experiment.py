@@ -13,7 +13,8 @@ import numpy as np
 
 from ident.arrays import FloatArray
 from ident.cutoff import HIGHEST_SHARE
-from ident.effects.base import Effect, Survey
+from ident.effects.base import Effect
+from ident.effects.survey import Survey
 from ident.gap.candidates import Trial, admissible, best_shape, best_start, force_of, kind_of, refine
 from ident.gap.joint_gap import JointGap
 from ident.gap.panel import Panel

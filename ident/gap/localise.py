@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ident.arrays import BoolArray, FloatArray
-from ident.effects.base import Survey
+from ident.effects.survey import Survey
 from ident.gap.panel import Panel
 
 REGIMES = (

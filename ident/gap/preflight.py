@@ -8,7 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from ident.effects import load_catalogue
-from ident.effects.base import Effect, Survey
+from ident.effects.base import Effect
+from ident.effects.survey import Survey
 from ident.gap.candidates import forms
 from ident.gap.joint_gap import JointGap, speed_of
 from ident.gap.panel import Panel

@@ -9,11 +9,12 @@ import numpy as np
 from scipy.optimize import minimize
 
 from ident.arrays import BoolArray, FloatArray
-from ident.effects.base import Effect, Survey
+from ident.effects.base import Effect
 from ident.effects.direction import VelocityEffect
 from ident.effects.friction import Coulomb
 from ident.effects.friction_curve import Stribeck
 from ident.effects.hysteresis import LEAST_SLIP
+from ident.effects.survey import Survey
 from ident.gap.candidates import best_start, forms, refine
 from ident.gap.joint_gap import JointGap
 from ident.gap.panel import Panel

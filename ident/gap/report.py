@@ -8,7 +8,8 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from ident.arrays import FloatArray
-from ident.effects.base import Survey, Term
+from ident.effects.base import Term
+from ident.effects.survey import Survey
 from ident.gap.evidence import Evidence
 from ident.gap.localise import GapMap
 from ident.gap.panel import Panel

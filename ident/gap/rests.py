@@ -14,8 +14,8 @@ from scipy.ndimage import label
 
 from ident.arrays import BoolArray, FloatArray, IntArray
 from ident.coupling import Coupling
-from ident.effects.base import Survey
 from ident.effects.hysteresis import LEAST_SLIP
+from ident.effects.survey import Survey
 from ident.effects.timing import Timing
 from ident.gap.candidates import Trial, admissible, best_start, coefficients, forms, refine
 from ident.gap.joint_gap import JointGap

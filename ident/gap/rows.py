@@ -7,8 +7,9 @@ from collections.abc import Sequence
 import numpy as np
 
 from ident.arrays import FloatArray
-from ident.effects.base import Survey, Term
+from ident.effects.base import Term
 from ident.effects.direction import SMOOTHING, VelocityEffect
+from ident.effects.survey import Survey
 from ident.errors import InputError
 from ident.gap.bodies import bodies_of
 from ident.gap.edge import edge_columns

@@ -10,7 +10,8 @@ import numpy as np
 from scipy.optimize import lsq_linear
 
 from ident.arrays import FloatArray
-from ident.effects.base import Effect, Survey
+from ident.effects.base import Effect
+from ident.effects.survey import Survey
 from ident.gap.abstain import explainable
 from ident.gap.agreement import AGREES, Predicted, agrees, agrees_at_any_pace
 from ident.gap.candidates import Trial, admissible, best_trials, coefficients, force_of, forms

@@ -6,7 +6,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 
 from ident.arrays import FloatArray
-from ident.effects.base import Survey, Term
+from ident.effects.base import Term
+from ident.effects.survey import Survey
 from ident.errors import InputError
 from ident.fit import Drives, fit
 from ident.gap.clocks import AS_STAMPED, Clock

@@ -10,7 +10,7 @@ import numpy as np
 from scipy.ndimage import find_objects, label
 
 from ident.arrays import BoolArray, FloatArray, IntArray
-from ident.effects.base import Survey
+from ident.effects.survey import Survey
 from ident.gap.candidates import Trial
 from ident.gap.gate import MOVING, speed_classes
 from ident.gap.joint_gap import JointGap

@@ -8,8 +8,8 @@ import numpy as np
 from scipy.ndimage import maximum_filter1d, uniform_filter1d
 
 from ident.arrays import BoolArray, FloatArray
-from ident.effects.base import Survey
 from ident.effects.friction import Coulomb
+from ident.effects.survey import Survey
 from ident.gap.counts import encoder_counts
 from ident.gap.panel import Panel
 from ident.gap.sensor_noise import around_square, removed_square, velocities_used

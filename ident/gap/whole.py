@@ -9,7 +9,8 @@ from functools import cached_property
 import numpy as np
 
 from ident.arrays import BoolArray, FloatArray, IntArray
-from ident.effects.base import Effect, Survey
+from ident.effects.base import Effect
+from ident.effects.survey import Survey
 from ident.gap.abstain import explainable
 from ident.gap.agreement import IN_TIME, Predicted, agrees_at_any_pace
 from ident.gap.belief import CERTAIN, ENOUGH, remembered_of

@@ -22,8 +22,9 @@ from comparisons.hidden_effects.styles import POOR, reference
 from comparisons.hidden_effects.suites import SUITES, Sizes, Task, tasks
 from comparisons.hidden_effects.work import WORKFLOW, judged, work
 from ident.effects import load_catalogue
-from ident.effects.base import Context, Survey
+from ident.effects.base import Context
 from ident.effects.hysteresis import Backlash
+from ident.effects.survey import Survey
 from ident.errors import InputError
 from ident.gap import baseline_model, find_gap
 from ident.gap.candidates import grid
