@@ -8,11 +8,26 @@ import pytest
 from ident.effects.attached import BaseTilt
 from ident.effects.base import Term
 from ident.effects.rigid_body import Links, RotorInertia
-from ident.gap.bodies import bodies_of
+from ident.gap.bodies import _Guess, _Row, _Rows, bodies_of
 from ident.model import NEWTON_METRE, CurrentModel
+from ident.robot import load_robot
 
 GAINS = np.array([0.02, 0.03, 0.05, 0.1, 0.08, 0.3])
 """Amperes per N m."""
+
+
+SLIDES = "".join(
+    f"""<link name="{link}"><inertial><origin xyz="0 0 .1"/><mass value="{mass}"/>
+    <inertia ixx=".1" iyy=".1" izz=".1" ixy="0" ixz="0" iyz="0"/></inertial></link>
+    <joint name="j{link}" type="prismatic"><parent link="{parent}"/><child link="{link}"/><axis xyz="{axis}"/>
+    <limit lower="-1" upper="1" velocity="2" effort="500"/></joint>"""
+    for link, mass, parent, axis in (("x", 20, "base", "1 0 0"), ("y", 8, "x", "0 1 0"), ("z", 4, "y", "0 0 1"))
+)
+
+
+@pytest.fixture
+def gantry(write_card):
+    return load_robot(write_card("gantry", f'<robot name="gantry"><link name="base"/>{SLIDES}</robot>'))
 
 
 @pytest.fixture
@@ -68,6 +83,54 @@ def test_a_joint_whose_row_tells_no_gain_has_what_is_usual(vs060, true_links):
     gains = bodies_of(model_of(vs060, true_links, errors=errors)).per_newton_metre
     assert gains[5] == pytest.approx(np.median(gains[:5]), rel=0.3)
     np.testing.assert_allclose(gains[:5] / GAINS[:5], 1.0, atol=0.05)
+
+
+def with_tool(links, mass, away=0.08):
+    """The last link with something of which the URDF does not tell."""
+    held = links.copy()
+    held[50:] += mass * np.array([1.0, 0.0, 0.0, away, away**2 + 0.002, 0.0, away**2 + 0.002, 0.0, 0.0, 0.002])
+    return held
+
+
+@pytest.mark.parametrize("mass", [0.5, 2.0, 6.0])
+def test_a_tool_that_the_urdf_lacks_bends_no_gain(vs060, true_links, mass):
+    found = bodies_of(model_of(vs060, with_tool(true_links, mass)))
+    np.testing.assert_allclose(found.per_newton_metre / GAINS, 1.0, atol=0.05)
+    assert found.parameters[50] == pytest.approx(true_links[50] + mass, rel=0.1)
+
+
+@pytest.mark.parametrize("share", [0.0, 0.1])
+def test_a_last_link_that_the_urdf_has_without_its_mass_bends_no_gain(vs060, true_links, share):
+    links = vs060.multibody.parameters.copy()
+    links[50:] *= share
+    light = replace(vs060, multibody=replace(vs060.multibody, parameters=links))
+    model = model_of(vs060, true_links, errors=lambda joint, fitted: np.diag(0.02 * np.abs(fitted) + 1e-6))
+    gains = bodies_of(replace(model, robot=light)).per_newton_metre
+    np.testing.assert_allclose(gains / GAINS, 1.0, atol=0.1)
+
+
+@pytest.mark.parametrize("rotor", [0.0, 1.0])
+def test_rotors_of_sliding_joints_are_no_gain(gantry, rotor):
+    axes, links = range(3), gantry.multibody.parameters
+    fitted = [0.05 * Links(j).base(gantry).projection @ links for j in axes]
+    for j in (0, 1):  # of the third one gravity tells
+        fitted[j] = fitted[j] * (1.0 + rotor * links[10 * j] / links[10 * j :: 10].sum())
+    rows = [Term(Links(j), coefficients=fitted[j], errors=np.zeros((len(fitted[j]), 1))) for j in axes]
+    shown = Term(RotorInertia(2), coefficients=np.array([0.2]))
+    gains = bodies_of(CurrentModel(gantry, (*rows, shown), 8.0, 100.0, np.ones(3), "A")).per_newton_metre
+    np.testing.assert_allclose(gains[2], 0.05, rtol=0.02)
+    # A row of one number tells its gain to as much as rotors leave open.
+    assert np.all((gains[:2] > 0.045) & (gains[:2] < 0.05 * (1.1 + rotor)))
+
+
+def test_the_search_for_gains_has_the_gradient_of_its_measure(vs060, true_links):
+    model = model_of(vs060, true_links, rotors=False, errors=lambda joint, fitted: np.diag(0.02 * np.abs(fitted)))
+    urdf = _Guess.of(model)
+    rows = _Rows.of([_Row.of(model, term, urdf) for term in model.terms], urdf)
+    place = np.append(np.log(rows.start), [-2.0, -3.0, 1.0])
+    along = np.eye(len(place)) * 1e-5
+    slope = [(rows._unlikely(place + d)[0] - rows._unlikely(place - d)[0]) / 2e-5 for d in along]
+    np.testing.assert_allclose(rows._unlikely(place)[1], slope, rtol=1e-4, atol=1e-3)
 
 
 def test_known_gains_are_one_and_the_urdf_stands_where_nothing_was_fitted(vs060, true_links):
