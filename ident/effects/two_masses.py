@@ -85,6 +85,45 @@ def link_behind(
 
 
 @compiled
+def _swung(
+    ahead: float,
+    speed: float,
+    ends: tuple[tuple[float, float], tuple[float, float]],
+    brake: float,
+    half: float,
+    turn: float,
+    damping: float,
+    since: float,
+    steps: int,
+) -> tuple[float, float, float, float, float]:
+    """Follow a link from one sample to the next; ``ends`` are its pull and its motor's speed at both.
+
+    Returns:
+        How far the motor is ahead, how fast it draws ahead, the acceleration of that and the direction of the link's
+        friction in the last step, and that direction's mean.
+    """
+    (before, after), (motor, then) = ends
+    share, step = 1.0 / steps, since / steps
+    stiff, damper, braked = turn * turn, 2.0 * damping * turn, brake * step
+    width = (SMOOTHING + braked) ** 2
+    started, rubbed, rub = speed, 0.0, 0.0
+    for i in range(steps):
+        part = (i + 0.5) * share
+        wound = ahead - min(max(ahead, -half), half)
+        push = stiff * wound + damper * speed
+        carried = push if half == 0.0 or push * wound > 0.0 else 0.0
+        started = speed
+        speed += (before + (after - before) * part - carried) * step
+        if brake > 0.0:
+            link = motor + (then - motor) * part - speed
+            rub = link / np.sqrt(link * link + width)
+            speed += braked * rub
+            rubbed += rub
+        ahead += speed * step
+    return ahead, speed, (speed - started) / step, rub, rubbed * share
+
+
+@compiled
 def left_behind(
     t: FloatArray,
     pull: FloatArray,
@@ -134,25 +173,11 @@ def left_behind(
             since = t[k] - last
             turn = min(np.sqrt(square[k]), FASTEST / since)
             steps = max(int(np.ceil(since * turn * STEPS)), BRAKED if brake[k] > 0.0 else 1)
-            share, step = 1.0 / steps, since / steps
-            stiff, damper, braked = turn * turn, 2.0 * damping * turn, brake[k] * step
-            width = (SMOOTHING + braked) ** 2
-            first, started, rubbed, rub = speed, speed, 0.0, 0.0
-            for i in range(steps):
-                part = (i + 0.5) * share
-                wound = ahead - min(max(ahead, -half), half)
-                push = stiff * wound + damper * speed
-                carried = push if half == 0.0 or push * wound > 0.0 else 0.0
-                started = speed
-                speed += (before + (pull[k] - before) * part - carried) * step
-                if brake[k] > 0.0:
-                    link = motor + (dq[k] - motor) * part - speed
-                    rub = link / np.sqrt(link * link + width)
-                    speed += braked * rub
-                    rubbed += rub
-                ahead += speed * step
-            onward[k] = (speed - first) / since if mean else (speed - started) / step
-            turned[k] = (rubbed * share if mean else rub) - of_motor
+            first = speed
+            ends = (before, pull[k]), (motor, dq[k])
+            ahead, speed, bent, rub, rubbed = _swung(ahead, speed, ends, brake[k], half, turn, damping, since, steps)
+            onward[k] = (speed - first) / since if mean else bent
+            turned[k] = (rubbed if mean else rub) - of_motor
         place[k] = ahead
         before, motor, last = pull[k], dq[k], t[k]
     memory[0], memory[1], memory[2], memory[3], memory[4] = ahead, speed, before, motor, last
