@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, field
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from comparisons.hidden_effects.cases import Case, Made
-from comparisons.hidden_effects.identifiability import SURE
+from comparisons.hidden_effects.identifiability import SURE, Told
 from comparisons.hidden_effects.laws import FOREIGN
 from ident.arrays import FloatArray
 
@@ -26,7 +26,8 @@ class Secret:
     """One hidden effect: its name, its joints, its severity, and its true parameters by the contract's keys.
 
     ``margin`` is the log-likelihood by which the logs tell it from its rivals; None where it has none, and of measured
-    logs, of which it is not known.
+    logs, of which it is not known. ``nearest`` are the figures of the catalogue's law that is nearest to it, which
+    differ from its own where the law that hides is another.
     """
 
     effect: str
@@ -34,6 +35,7 @@ class Secret:
     severity: float
     parameters: Mapping[str, float]
     margin: float | None = None
+    nearest: Mapping[str, float] = field(default_factory=dict)
 
     @property
     def foreign(self) -> bool:
@@ -151,7 +153,7 @@ def _number(value: float | None) -> float:
     return math.nan if value is None else value
 
 
-def truth_of(case: Case, made: Made, kind: str, name: str, known: FloatArray, margins: Sequence[float | None]) -> Truth:
+def truth_of(case: Case, made: Made, kind: str, name: str, known: FloatArray, told: Sequence[Told]) -> Truth:
     """Return what a case of the virtual robot hides.
 
     Args:
@@ -160,11 +162,18 @@ def truth_of(case: Case, made: Made, kind: str, name: str, known: FloatArray, ma
         kind: the set that it belongs to.
         name: its name, unique in a run.
         known: the error (n,) with its laws known.
-        margins: log-likelihood by which the logs tell each hidden effect from its rivals; None of one without any.
+        told: what the logs tell of each hidden effect.
     """
     secrets = tuple(
-        Secret(h.effect, () if h.joint is None else (h.joint,), h.severity, plain_figures(figures), margin)
-        for h, figures, margin in zip(case.hidden, made.parameters, margins, strict=True)
+        Secret(
+            h.effect,
+            () if h.joint is None else (h.joint,),
+            h.severity,
+            plain_figures(figures),
+            of.margin,
+            plain_figures(of.nearest),
+        )
+        for h, figures, of in zip(case.hidden, made.parameters, told, strict=True)
     )
     return Truth(name, case.robot, kind, secrets, tuple(made.noise.tolist()), tuple(known.tolist()))
 
@@ -172,7 +181,7 @@ def truth_of(case: Case, made: Made, kind: str, name: str, known: FloatArray, ma
 def truth_from(values: Mapping[str, Any]) -> Truth:
     """Read the truth that ``dataclasses.asdict`` wrote."""
     secrets = tuple(
-        Secret(s["effect"], tuple(s["joints"]), s["severity"], s["parameters"], s.get("margin"))
+        Secret(s["effect"], tuple(s["joints"]), s["severity"], s["parameters"], s.get("margin"), s.get("nearest", {}))
         for s in values["secrets"]
     )
     return Truth(

@@ -1,9 +1,9 @@
-"""Which hidden effects can be told from others at all: how much nearer their own law is to them than its rivals are."""
+"""What logs tell of a hidden effect: how much nearer its own law is to it than rivals are, and with which figures."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import TYPE_CHECKING
 
@@ -32,8 +32,23 @@ SURE = 11.0
 square, so that the wrong one is the likelier in one case of a hundred."""
 
 
-def margin(model: CurrentModel, refit: bool, case: Case, made: Made, number: int) -> float | None:
-    """Log-likelihood by which the logs of a case tell one of its effects from its rivals, if all else were known.
+@dataclass(frozen=True)
+class Told:
+    """What logs tell of a hidden effect, if all else were known.
+
+    Attributes:
+        margin: log-likelihood by which its law is nearer to it than its rivals are, negative where one of these is
+            nearer; None of an effect that the catalogue does not have, or that has no rivals.
+        nearest: the figures of the catalogue's law of its name that is nearest to it, by the contract's keys: where the
+            law that hides is another, none that is fitted to these logs comes nearer to its own figures.
+    """
+
+    margin: float | None = None
+    nearest: Mapping[str, float | list[float]] = field(default_factory=dict)
+
+
+def told(model: CurrentModel, refit: bool, case: Case, made: Made, number: int) -> Told:
+    """Return what the logs of a case tell of one of its effects.
 
     What is hidden is known exactly: it is the difference of logs with and without it. The catalogue's law of that
     name and those that are known to be taken for it are each fitted to it, with the model's own columns beside them.
@@ -45,25 +60,37 @@ def margin(model: CurrentModel, refit: bool, case: Case, made: Made, number: int
         case: what is hidden.
         made: its logs.
         number: which of the hidden effects is asked about.
-
-    Returns:
-        Negative where a rival is nearer to what is hidden than the law of its own name; None of an effect that the
-        catalogue does not have, or that has no rivals.
     """
     catalogue, hidden = load_catalogue(), case.hidden[number]
     own = catalogue.get(hidden.effect)
     if own is None:
-        return None
+        return Told()
     rivals = {name for name, entry in catalogue.items() if name in own.rivals or own.name in entry.rivals}
     sight = _Sight.of(model, refit, made, made.alone[number])
     present = [term.effect for term in model.terms] if refit else []
-    left: dict[str, float] = {}
+    best: dict[str, _Nearest] = {}
     for joint in dict.fromkeys((hidden.joint, None)):
         for effect in forms(sight.survey, joint, present):
             if effect.name in rivals or (effect.name == own.name and joint == hidden.joint):
-                left[effect.name] = min(left.get(effect.name, np.inf), sight.left(effect))
-    nearest = min((left[name] for name in rivals if name in left), default=None)
-    return None if nearest is None or own.name not in left else nearest - left[own.name]
+                found = sight.nearest(effect)
+                if effect.name not in best or found.left < best[effect.name].left:
+                    best[effect.name] = found
+    if own.name not in best:
+        return Told()
+    rival = min((best[name].left for name in rivals if name in best), default=None)
+    law = best[own.name]
+    figures = law.effect.summary(model.robot, law.shape, law.coefficients)
+    return Told(None if rival is None else rival - law.left, figures)
+
+
+@dataclass(frozen=True, eq=False)
+class _Nearest:
+    """A law at the shape and coefficients that are nearest to what is hidden, and the log-likelihood that it misses."""
+
+    effect: Effect
+    shape: FloatArray
+    coefficients: FloatArray
+    left: float
 
 
 @dataclass(frozen=True, eq=False)
@@ -98,22 +125,30 @@ class _Sight:
         """The hidden force (n N,) of all joints beyond what the model's own columns absorb, over the noise."""
         return np.concatenate([w * p.residual for w, p in zip(self.weights, self.problems, strict=True)])
 
-    def left(self, effect: Effect) -> float:
-        """Log-likelihood that is missing where an effect, at its best shape, stands for what is hidden."""
-        target, lower = self.target, lower_bounds(self.panel, effect)
+    def nearest(self, effect: Effect) -> _Nearest:
+        """An effect at its best shape, in place of what is hidden."""
 
         def explained(shape: FloatArray) -> float:
-            (columns, size), meant = self._columns(effect, shape), effect.plain(shape)
-            if meant is not None:
-                force = columns @ meant
-                return float(2.0 * target @ force - force @ force)
-            beyond = Beyond(columns.T @ columns / np.outer(size, size), columns.T @ target / size, size)
-            return beyond.among(beyond.admissible(lower)).drop
+            return self._fit(effect, shape)[1]
 
         best = max(((shape, explained(shape)) for shape in grid(effect.shapes)), key=lambda one: one[1])
         if effect.shapes:
             best = climb(explained, effect.shapes, [best])
-        return 0.5 * (float(target @ target) - best[1])
+        coefficients, drop = self._fit(effect, best[0])
+        return _Nearest(effect, best[0], coefficients, 0.5 * (float(self.target @ self.target) - drop))
+
+    def _fit(self, effect: Effect, shape: FloatArray) -> tuple[FloatArray, float]:
+        """An effect's coefficients (k,) at a shape, within their bounds, and by how much the square of what is hidden
+        falls."""
+        (columns, size), meant = self._columns(effect, shape), effect.plain(shape)
+        if meant is not None:
+            force = columns @ meant
+            return meant, float(2.0 * self.target @ force - force @ force)
+        beyond = Beyond(columns.T @ columns / np.outer(size, size), columns.T @ self.target / size, size)
+        used = beyond.admissible(lower_bounds(self.panel, effect))
+        coefficients = np.zeros(len(used))
+        coefficients[used] = beyond.among(used).coefficients
+        return coefficients, beyond.among(used).drop
 
     def _columns(self, effect: Effect, shape: FloatArray) -> tuple[FloatArray, FloatArray]:
         """An effect's columns (n N, k) in all joints' rows beyond the model's own, and their whole lengths (k,)."""

@@ -130,14 +130,27 @@ class Judged:
     @property
     def parameter_errors(self) -> list[float]:
         """Relative errors of the main parameters of the hidden effects that are named on their joints."""
-        pairs = ((name, s) for s in self.truth.secrets for name in self.findings if name.means(s))
-        return [parameter_error(name, secret) for name, secret in pairs]
+        return [parameter_error(name, s.effect, s.parameters) for name, s in self._right]
+
+    @property
+    def distances(self) -> list[float]:
+        """The same from the catalogue's law that is nearest to what is hidden, of those laws that have a true one."""
+        return [
+            parameter_error(name, s.effect, s.nearest)
+            for name, s in self._right
+            if not math.isnan(parameter_error(name, s.effect, s.parameters))
+        ]
+
+    @property
+    def _right(self) -> list[tuple[Name, Secret]]:
+        """The names that mean a hidden effect, beside it."""
+        return [(name, s) for s in self.truth.secrets for name in self.findings if name.means(s)]
 
 
-def parameter_error(name: Name, secret: Secret) -> float:
-    """Return the relative error of an effect's main parameter; NaN where the hidden law or the finding has none."""
-    key = MAIN.get(secret.effect, "")
-    found, true = (name.parameters or {}).get(key), secret.parameters.get(key)
+def parameter_error(name: Name, effect: str, truth: Mapping[str, float]) -> float:
+    """Return the relative error of an effect's main parameter; NaN where the truth or the finding has none."""
+    key = MAIN.get(effect, "")
+    found, true = (name.parameters or {}).get(key), truth.get(key)
     if found is None or true is None:
         return math.nan
     unit = 1.0 if key == "scale" else 0.0
@@ -158,6 +171,10 @@ FIGURES: Mapping[str, tuple[tuple[str, ...], Callable[[Sequence[Judged]], Score]
     "test RMSE over that with the law known": (SINGLE, lambda js: Score.median(j.error_ratio for j in js)),
     "test RMSE over the noise": (SINGLE, lambda js: Score.median(j.noise_ratio for j in js)),
     "main parameter's error": (SINGLE, lambda js: Score.median(e for j in js for e in j.parameter_errors)),
+    "the same from the catalogue's law nearest to what is hidden": (
+        SINGLE,
+        lambda js: Score.median(e for j in js for e in j.distances),
+    ),
     TIES: ((*SINGLE, "tie"), lambda js: Score.share(_settled(js))),
     "F1, two effects": (("pair",), lambda js: Score.f1([j.counts for j in js])),
     "F1, three effects": (("triple",), lambda js: Score.f1([j.counts for j in js])),

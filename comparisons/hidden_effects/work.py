@@ -13,7 +13,7 @@ from threadpoolctl import threadpool_limits
 
 from comparisons.hidden_effects.answer import Answer, Truth, answer_of, truth_from, truth_of
 from comparisons.hidden_effects.cases import Case, Maker, make
-from comparisons.hidden_effects.identifiability import margin
+from comparisons.hidden_effects.identifiability import told
 from comparisons.hidden_effects.library import library
 from comparisons.hidden_effects.measured import MeasuredTask, make_measured
 from comparisons.hidden_effects.rivals import RIVALS, ask_rival
@@ -102,8 +102,8 @@ def _problem(task: Task | MeasuredTask) -> tuple[Truth, Problem]:
     ideal = baseline_model(made.robot, made.plain[:3]) if task.case.hidden and not changed else model
     known = evidence([ideal], made.plain[3:]).after
     problem = Problem(model, made.train, made.test, not changed, task.case)
-    margins = [margin(model, not changed, task.case, made, k) for k in range(len(task.case.hidden))]
-    return truth_of(task.case, made, task.kind, task.name, known, margins), problem
+    of = [told(model, not changed, task.case, made, k) for k in range(len(task.case.hidden))]
+    return truth_of(task.case, made, task.kind, task.name, known, of), problem
 
 
 def _workflow(problem: Problem, truth: Truth) -> Answer:

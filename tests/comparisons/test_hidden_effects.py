@@ -103,9 +103,20 @@ def test_errors_of_the_whole_robot_are_over_all_joints():
 
 
 def test_error_of_a_gain_is_of_its_distance_from_one():
-    secret = Secret("drive-gain", (0,), 1.0, {"scale": 0.96})
-    assert parameter_error(Name("drive-gain", (0,), (), {"scale": 0.97}), secret) == pytest.approx(0.25)
-    assert math.isnan(parameter_error(Name("position-friction", (0,)), Secret("position-friction", (0,), 1.0, {})))
+    gain = Name("drive-gain", (0,), (), {"scale": 0.97})
+    assert parameter_error(gain, "drive-gain", {"scale": 0.96}) == pytest.approx(0.25)
+    assert math.isnan(parameter_error(Name("position-friction", (0,)), "position-friction", {}))
+
+
+def test_errors_from_the_nearest_law_stand_beside_those_from_the_true_one():
+    ripple = Secret("gear-ripple", (1,), 1.0, {"force": 2.0}, None, {"force": 2.2})
+    balancer = Secret("gravity-balancer", (1,), 1.0, {}, None, {"force": 9.0})  # has no true force
+    scores = table([
+        judge("single", [secret], [Name(secret.effect, (1,), (), {"force": 2.1})]) for secret in (ripple, balancer)
+    ])  # fmt: skip
+    found = {row: (score.value, score.of) for row, score in scores.items()}
+    assert found["main parameter's error"] == (pytest.approx(0.05), 1)
+    assert found["the same from the catalogue's law nearest to what is hidden"] == (pytest.approx(0.1 / 2.2), 1)
 
 
 def test_curves_calibration_and_confusion():

@@ -8,14 +8,19 @@ import numpy as np
 import pytest
 
 from comparisons.hidden_effects.cases import Case, Hidden, make
-from comparisons.hidden_effects.identifiability import SURE, margin
+from comparisons.hidden_effects.identifiability import SURE, told
+from comparisons.hidden_effects.scoring import MAIN
 from ident.gap import baseline_model
 
 
-def asked(hidden, style="short", changed=False):
+def asked_of(hidden, style="short", changed=False):
     case = Case("vs060", (hidden,), 7, style=style, changed=changed)
     made = make(case)
-    return margin(baseline_model(made.robot, made.clean if changed else made.train), not changed, case, made, 0)
+    return told(baseline_model(made.robot, made.clean if changed else made.train), not changed, case, made, 0), made
+
+
+def asked(*args, **how):
+    return asked_of(*args, **how)[0].margin
 
 
 def sprung():
@@ -37,9 +42,9 @@ def test_filter_is_not_told_from_delay_in_one_sinusoid_and_is_in_other_logs():
 def test_noise_decides_what_logs_tell():
     case, made, model = sprung()
     quiet, slow = replace(made, noise=0.5 * made.noise), replace(made, correlation=2.0 * made.correlation)
-    asked_of = {made: margin(model, True, case, made, 0) for made in (made, quiet, slow)}
-    assert asked_of[quiet] == pytest.approx(4.0 * asked_of[made])
-    assert asked_of[slow] == pytest.approx(0.5 * asked_of[made])
+    margins = {made: told(model, True, case, made, 0).margin for made in (made, quiet, slow)}
+    assert margins[quiet] == pytest.approx(4.0 * margins[made])
+    assert margins[slow] == pytest.approx(0.5 * margins[made])
 
 
 def test_change_is_held_against_model_from_before():
@@ -51,6 +56,18 @@ def test_effects_without_rivals_and_outside_the_catalogue_have_no_margin():
     assert asked(Hidden("friction-step", 1, 1.0)) is None
 
 
+@pytest.mark.parametrize("effect", ["rotor-inertia", "coulomb-asymmetry", "current-offset"])
+def test_nearest_of_laws_that_are_the_catalogues_are_their_own_figures(effect):
+    found, made = asked_of(Hidden(effect, 1, 1.0), changed=effect != "coulomb-asymmetry")
+    key = MAIN[effect]
+    assert found.nearest[key] == pytest.approx(made.parameters[0][key], rel=0.02)
+
+
+def test_nearest_ripple_is_larger_where_the_one_that_hides_grows_with_load():
+    found, made = asked_of(Hidden("gear-ripple", 1, 1.0))
+    assert 1.02 < found.nearest["force"] / made.parameters[0]["force"] < 1.2
+
+
 def test_noise_of_the_logs_and_other_effects_play_no_part():
     case, made, model = sprung()
     rng = np.random.default_rng(0)
@@ -59,8 +76,8 @@ def test_noise_of_the_logs_and_other_effects_play_no_part():
         [replace(log, current=log.current + more) for log, more in zip(logs, shaken, strict=False)]
         for logs in (made.alone[0], made.plain)
     )
-    noisier = margin(model, True, case, replace(made, alone=[alone], plain=plain, train=[]), 0)
-    assert noisier == pytest.approx(margin(model, True, case, made, 0), rel=1e-6)
+    noisier = told(model, True, case, replace(made, alone=[alone], plain=plain, train=[]), 0).margin
+    assert noisier == pytest.approx(told(model, True, case, made, 0).margin, rel=1e-6)
 
 
 @pytest.mark.parametrize("style", ["short", "50Hz"])
