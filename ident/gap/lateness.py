@@ -11,15 +11,19 @@ from scipy.interpolate import CubicSpline
 from ident.arrays import FloatArray
 from ident.gap.rests import Rests
 from ident.gap.smoothing import smoothed
-from ident.log import JointLog, LogSource
+from ident.log import JointLog, LogSource, concatenate
 from ident.model import CurrentModel
+
+EDGE = 0.2
+"""Seconds on from a row that its motion's spline is told by, as good as all of them."""
 
 
 @dataclass(frozen=True, eq=False)
 class InTime:
     """A log whose currents come late by some seconds, beside the motion of that much earlier.
 
-    It is the motion that is taken between samples: it is smooth, and friction's steps are not.
+    It is the motion that is taken between samples: it is smooth, and friction's steps are not. Rows whose earlier
+    motion their segment does not have are left out.
     """
 
     source: LogSource
@@ -31,29 +35,41 @@ class InTime:
         return self.source.name
 
     def blocks(self, rows: int) -> Iterator[JointLog]:
-        """Yield pieces of at most so many rows, without those whose earlier motion they do not have."""
-        return (self._in_time(log) for log in self.source.blocks(rows))
+        """Yield consecutive pieces, none of them across a segment's end, made from pieces of at most so many rows."""
+        reach = abs(self.late) + EDGE
+        seen: JointLog | None = None  # what the rows to come need of their segment, and those themselves
+        done = -np.inf
+        for block in self.source.blocks(rows):
+            if seen is not None and seen.segment[0] == block.segment[0]:
+                seen = concatenate([seen, block], block.name).replace(
+                    segment=np.full(len(seen) + len(block), block.segment[0])
+                )
+            else:
+                if seen is not None:
+                    yield from self._in_time(seen, done, np.inf)
+                seen, done = block, -np.inf
+            until = float(seen.t[-1]) - reach
+            yield from self._in_time(seen, done, until)
+            done, seen = until, seen[seen.t > until - 2.0 * reach]
+        if seen is not None:
+            yield from self._in_time(seen, done, np.inf)
 
     def read(self) -> JointLog:
         """Return the whole log in memory."""
-        return self._in_time(self.source.read())
+        whole = self.source.read()
+        pieces = list(InTime(whole, self.late).blocks(max(len(whole), 1)))
+        return concatenate(pieces, self.name) if pieces else whole[:0]
 
-    def _in_time(self, log: JointLog) -> JointLog:
-        moved, there = log, np.zeros(len(log), dtype=bool)
-        for name in ("q", "dq", "ddq"):
-            values = getattr(log, name)
-            if values is not None:
-                pieces = [self._earlier(log.t[rows], values[rows]) for rows in log.segments()]
-                moved = moved.replace(**{name: np.concatenate(pieces)})
-        for rows in log.segments():
-            then = log.t[rows] - self.late
-            there[rows] = (then >= log.t[rows][0]) & (then <= log.t[rows][-1])
-        return moved[there]
-
-    def _earlier(self, t: FloatArray, values: FloatArray) -> FloatArray:
-        if len(t) == 1:
-            return values
-        return np.asarray(CubicSpline(t, values)(np.clip(t - self.late, t[0], t[-1])))
+    def _in_time(self, log: JointLog, after: float, until: float) -> Iterator[JointLog]:
+        """Rows of a segment's piece stamped later than one instant and up to another, if there are any."""
+        then = log.t - self.late
+        rows = (log.t > after) & (log.t <= until) & (then >= log.t[0]) & (then <= log.t[-1])
+        if rows.any():
+            motion = {name: getattr(log, name) for name in ("q", "dq", "ddq")}
+            earlier = {
+                name: CubicSpline(log.t, values)(then[rows]) for name, values in motion.items() if values is not None
+            }
+            yield log[rows].replace(**earlier)
 
 
 def turned_in_time(model: CurrentModel, sources: Sequence[LogSource], rests: Rests, late: FloatArray) -> CurrentModel:

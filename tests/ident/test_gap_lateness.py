@@ -45,10 +45,26 @@ def test_a_log_in_time_has_the_motion_that_its_currents_are_of():
     np.testing.assert_array_equal(whole.t, np.delete(t, [0, 1, 100, 101]))
     np.testing.assert_allclose(whole.q, whole.current, atol=1e-6)
     np.testing.assert_allclose(whole.dq[:, 0], np.cos(whole.t - LATE), atol=1e-6)
-    blocks = [block.q for block in InTime(log, LATE).blocks(1000)]
-    np.testing.assert_array_equal(np.concatenate(blocks), whole.q)
+    for rows in (1000, 50, 7):
+        blocks = list(InTime(log, LATE).blocks(rows))
+        assert all(len(block) and np.ptp(block.segment) == 0 for block in blocks)
+        np.testing.assert_array_equal(np.concatenate([block.t for block in blocks]), whole.t)
+        np.testing.assert_allclose(np.concatenate([block.q for block in blocks]), whole.q, atol=1e-9)
     early = InTime(log, -LATE).read()
     np.testing.assert_array_equal(early.t, np.delete(t, [98, 99, 298, 299]))
+
+
+def test_segments_shorter_than_the_lateness_have_no_motion_of_then(arm):
+    logs = [record(arm, seed) for seed in (1, 2)]
+    cut = [
+        log.replace(segment=np.searchsorted([100, 101, len(log.t) - 2], np.arange(len(log.t)), "right")) for log in logs
+    ]
+    for log in cut:
+        assert set(InTime(log, LATE).read().t.tolist()) < set(log.t.tolist())
+        assert sum(len(block) for block in InTime(log, LATE).blocks(16384)) == len(log.t) - 2 - 1 - 2 - 2
+    model = baseline_model(arm, logs)
+    assert len(smoothings(turned_in_time(model, cut, find_rests(model, cut), np.full(2, LATE)))) == 2
+    assert len(InTime(cut[0][100:101], LATE).read()) == 0
 
 
 def test_signs_are_chosen_anew_where_currents_come_late_alone(arm):
