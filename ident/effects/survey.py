@@ -36,6 +36,7 @@ class Survey:
         reach: range (n,) of the joints' positions [rad or m].
         middle: middle (n,) of it.
         holds: force (n,) that dry friction holds of a joint that stands, in the model's force unit.
+        steps: that by which dry friction changes where a joint turns round, over two (n,), in the model's force unit.
         cutoff: of the filter that derives velocity and acceleration [Hz].
         inertia: mean inertia (n,) of the links that each joint moves, in the model's force unit per rad/s^2 or m/s^2.
         motor: what of it (n,) is the motors', since links as fitted have it and those of the URDF have not.
@@ -61,6 +62,7 @@ class Survey:
     reach: FloatArray
     middle: FloatArray
     holds: FloatArray
+    steps: FloatArray
     cutoff: float
     inertia: FloatArray
     motor: FloatArray

@@ -27,6 +27,9 @@ ROWS = 16_000
 DRY = ("coulomb", "sigmoid", "stribeck", "maxwell-slip", "cross-joint-friction")
 """Effects whose force a joint that stands may hold."""
 
+STEPS = ("coulomb", "stribeck")
+"""Those that turn as the joint does, at any speed."""
+
 OF_SPEED = ("viscous", "viscous-nonlinear")
 """Effects whose force is nought at rest and grows with speed."""
 
@@ -56,7 +59,7 @@ def survey_of(model: CurrentModel, panel: Panel, begins: tuple[float, ...] = (),
     """Facts about the logs that candidates are built from, and whether the model is held fixed."""
     robot = model.robot
     speed = np.abs(panel.velocity)
-    dry, viscous = _holds(model), np.zeros(robot.n)
+    dry, viscous = _dry(model, DRY), np.zeros(robot.n)
     for term in model.terms:
         if term.effect.name in OF_SPEED:
             force = panel.columns(term.effect, term.shape, term.effect.at) @ term.coefficients
@@ -80,10 +83,11 @@ def survey_of(model: CurrentModel, panel: Panel, begins: tuple[float, ...] = (),
         lasts=last - since,
         logged=min(sum(end - start for start, end in stamps) / max(last - since, 1e-9), 1.0),
         begins=begins,
-        rate=model.rate,
+        rate=slowest_rate(panel.blocks),
         reach=np.ptp(panel.motion.q, axis=0),
         middle=0.5 * (panel.motion.q.min(axis=0) + panel.motion.q.max(axis=0)),
         holds=dry,
+        steps=_dry(model, STEPS),
         cutoff=model.cutoff,
         inertia=panel.inertia,
         motor=_motor(panel, nominal),
@@ -91,11 +95,11 @@ def survey_of(model: CurrentModel, panel: Panel, begins: tuple[float, ...] = (),
     )
 
 
-def _holds(model: CurrentModel) -> FloatArray:
-    """Force (n,) of all that a model knows of dry friction, whichever law it has by that."""
+def _dry(model: CurrentModel, laws: Sequence[str]) -> FloatArray:
+    """Force (n,) of all that a model knows of dry friction by some laws."""
     force = np.zeros(model.n)
     for term in model.terms:
-        if term.effect.name in DRY:
+        if term.effect.name in laws:
             found = term.effect.summary(model.robot, term.shape, term.coefficients)["force"]
             force[term.effect.at] += abs(float(np.sum(found)))
     return force

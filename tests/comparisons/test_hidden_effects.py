@@ -183,7 +183,7 @@ def test_laws_are_not_in_the_span_of_the_catalogues_columns(name, rows):
         pace=np.abs(scene.dq).mean(0), friction=maker.coulomb, viscous=np.zeros(n),
         largest=np.abs(scene.known).max(0), per_newton_metre=np.ones(n), links=maker.parameters, load_ratio=np.ones(n),
         since=0.0, lasts=60.0, logged=1.0, begins=(0.0,), rate=100.0, reach=np.ptp(scene.q, axis=0),
-        middle=scene.q.min(axis=0) + 0.5 * np.ptp(scene.q, axis=0), holds=maker.coulomb,
+        middle=scene.q.min(axis=0) + 0.5 * np.ptp(scene.q, axis=0), holds=maker.coulomb, steps=maker.coulomb,
         cutoff=8.0, inertia=np.ones(n), motor=np.full(n, 0.1),
     )  # fmt: skip
     effects = [*kind.candidates(survey, joint), *kind.candidates(survey, None)]
