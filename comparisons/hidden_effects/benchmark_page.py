@@ -112,7 +112,7 @@ def page(found: Mapping[str, Any]) -> str:
     lines += [
         "",
         f"The same where the effect is at least {CLEAR:g} of what the baseline leaves with it taken away, and its own "
-        f"law is nearer to it than its rivals' by {SURE:g} in log-likelihood, were it known without noise:",
+        f"law is nearer to it than its rivals' by {SURE:g} standard deviations of the noise:",
         "",
         *_table(found["methods"], "identifiable"),
     ]
@@ -153,7 +153,7 @@ def plots(found: Mapping[str, Any], folder: Path) -> list[Path]:
 
 
 def _not_told_apart(records: Sequence[Mapping[str, Any]]) -> dict[str, float]:
-    """Cases whose logs do not tell what is hidden from its rivals, each with the log-likelihood by which they would."""
+    """Cases whose logs do not tell what is hidden from its rivals, each with the standard deviations by which they would."""
     truths = [truth_from(r["truth"]) for r in records if r["truth"] is not None]
     return {t.name: t.margin for t in truths if t.margin is not None and not t.told_apart}
 

@@ -5,10 +5,13 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from itertools import pairwise
 from typing import TYPE_CHECKING
 
 import numpy as np
+from scipy.linalg import solve_triangular, toeplitz
 
+from comparisons.hidden_effects.cases import LASTS, SLOW
 from ident.arrays import FloatArray
 from ident.effects import load_catalogue
 from ident.effects.base import Effect
@@ -24,12 +27,15 @@ if TYPE_CHECKING:
     from ident.log import JointLog
     from ident.model import CurrentModel
 
-ROWS = 4000
-"""Rows of a case's logs that laws are compared on."""
+ROWS, STRETCH = 4000, 200
+"""Rows of a case's logs that laws are compared on, and how many of these follow one another."""
 
-SURE = 11.0
-"""Log-likelihood by which the true law must be ahead of its rivals: noise makes that differ by twice as much, in the
-square, so that the wrong one is the likelier in one case of a hundred."""
+ALL = 10**9
+"""More rows than logs have."""
+
+SURE = 2.33
+"""Standard deviations by which the true law must be ahead of its rivals: noise makes the wrong one the likelier in one
+case of a hundred then."""
 
 
 @dataclass(frozen=True)
@@ -37,8 +43,9 @@ class Told:
     """What logs tell of a hidden effect, if all else were known.
 
     Attributes:
-        margin: log-likelihood by which its law is nearer to it than its rivals are, negative where one of these is
-            nearer; None of an effect that the catalogue does not have, or that has no rivals.
+        margin: by how much its law is nearer to it than the nearest of its rivals, in standard deviations that noise
+            gives to the difference of their log-likelihoods, negative where the rival is nearer; None of an effect that
+            the catalogue does not have, or that has no rivals.
         nearest: the figures of the catalogue's law of its name that is nearest to it, by the contract's keys: where the
             law that hides is another, none that is fitted to these logs comes nearer to its own figures.
     """
@@ -52,7 +59,7 @@ def told(model: CurrentModel, refit: bool, case: Case, made: Made, number: int) 
 
     What is hidden is known exactly: it is the difference of logs with and without it. The catalogue's law of that
     name and those that are known to be taken for it are each fitted to it, with the model's own columns beside them.
-    What the nearest rival leaves of it, less what its own law leaves, is held against the noise.
+    What the nearest rival leaves of it, less what its own law leaves, is held against the noise, whose colour is known.
 
     Args:
         model: the model before.
@@ -71,26 +78,37 @@ def told(model: CurrentModel, refit: bool, case: Case, made: Made, number: int) 
     best: dict[str, _Nearest] = {}
     for joint in dict.fromkeys((hidden.joint, None)):
         for effect in forms(sight.survey, joint, present):
-            if effect.name in rivals or (effect.name == own.name and joint == hidden.joint):
+            if effect.name in rivals or (effect.name == own.name and effect.joint == hidden.joint):
                 found = sight.nearest(effect)
                 if effect.name not in best or found.left < best[effect.name].left:
                     best[effect.name] = found
     if own.name not in best:
         return Told()
-    rival = min((best[name].left for name in rivals if name in best), default=None)
     law = best[own.name]
     figures = law.effect.summary(model.robot, law.shape, law.coefficients)
-    return Told(None if rival is None else rival - law.left, figures)
+    rival = min((best[name] for name in rivals if name in best), key=lambda one: one.left, default=None)
+    return Told(None if rival is None else law.ahead_of(rival), figures)
 
 
 @dataclass(frozen=True, eq=False)
 class _Nearest:
-    """A law at the shape and coefficients that are nearest to what is hidden, and the log-likelihood that it misses."""
+    """A law at the shape and coefficients that are nearest to what is hidden.
+
+    Attributes:
+        effect, shape, coefficients: the law.
+        force: what it gives of the target (n N,), in standard deviations of the noise.
+        left: log-likelihood that it misses.
+    """
 
     effect: Effect
     shape: FloatArray
     coefficients: FloatArray
+    force: FloatArray
     left: float
+
+    def ahead_of(self, other: _Nearest) -> float:
+        """Mean of the difference of log-likelihoods of two laws, over its standard deviation by the noise."""
+        return (other.left - self.left) / max(float(np.linalg.norm(self.force - other.force)), 1e-12)
 
 
 @dataclass(frozen=True, eq=False)
@@ -98,8 +116,8 @@ class _Sight:
     """What logs show of what is hidden in them.
 
     Attributes:
-        panel, survey: rows of the logs, and facts about them.
-        problems: every joint's regression, whose target is the hidden force.
+        panel, survey: some of the logs' rows, in stretches, and facts about them.
+        problems: every joint's regression in rows whose noise is white, with the hidden force for target.
         weights: square roots (n,) of the samples that a row stands for, over the noise [1 / force unit].
     """
 
@@ -110,14 +128,21 @@ class _Sight:
 
     @classmethod
     def of(cls, model: CurrentModel, refit: bool, made: Made, logs: Sequence[JointLog]) -> _Sight:
-        """Logs of a case, of whose current only what differs from its plain ones counts: the hidden one."""
+        """Logs of a case, of whose current what differs from its plain ones is the hidden one."""
+        panel = _stretches(panel_of(model, logs, ALL))
         pairs = zip(logs, made.plain, strict=False)  # those of the test logs come last
-        panel = panel_of(model, [replace(log, current=log.current - plain.current) for log, plain in pairs], ROWS)
+        other = panel_of(model, [replace(log, current=log.current - plain.current) for log, plain in pairs], ALL)
+        hidden = replace(other, rows=panel.rows, fold=panel.fold).force
         gaps = [(gap_of if refit else held_of)(model, panel, j) for j in range(model.n)]
-        # How large its friction is now, a model that was identified before does not know.
-        own = [g.matrix if g.friction is None else np.hstack([g.matrix, g.friction]) for g in gaps]
-        problems = [JointProblem(m, panel.force[:, j], panel.fold, gaps[j].keep) for j, m in enumerate(own)]
-        samples = sum(len(log.t) for log in logs) / made.correlation / len(panel)
+        problems = []
+        for j, gap in enumerate(gaps):
+            # How large its friction is now, a model that was identified before does not know.
+            own = gap.matrix if gap.friction is None else np.hstack([gap.matrix, gap.friction])
+            white = _whitened(panel, np.column_stack([own, hidden[:, j]]))
+            problems.append(
+                JointProblem(white[:, :-1], white[:, -1], panel.fold, gap.keep, gap.prior / made.correlation)
+            )
+        samples = sum(len(log.t) for log in logs) / len(panel)
         return cls(panel, survey_of(model, panel), problems, np.sqrt(samples) / (made.noise * model.gain))
 
     @cached_property
@@ -135,7 +160,8 @@ class _Sight:
         if effect.shapes:
             best = climb(explained, effect.shapes, [best])
         coefficients, drop = self._fit(effect, best[0])
-        return _Nearest(effect, best[0], coefficients, 0.5 * (float(self.target @ self.target) - drop))
+        force = self._columns(effect, best[0])[0] @ coefficients
+        return _Nearest(effect, best[0], coefficients, force, 0.5 * (float(self.target @ self.target) - drop))
 
     def _fit(self, effect: Effect, shape: FloatArray) -> tuple[FloatArray, float]:
         """An effect's coefficients (k,) at a shape, within their bounds, and by how much the square of what is hidden
@@ -158,7 +184,30 @@ class _Sight:
             if every.ndim == 2 and effect.acts_on != joint:
                 beyond.append(np.zeros((len(problem), every.shape[1])))
                 continue
-            own = weight * problem.of(every[:, joint] if every.ndim == 3 else every)
+            own = weight * _whitened(self.panel, every[:, joint] if every.ndim == 3 else every)
             beyond.append(problem.away(own))
             square += sizes(own) ** 2
         return np.concatenate(beyond), np.sqrt(np.where(square > 0.0, square, 1.0))
+
+
+def _stretches(panel: Panel) -> Panel:
+    """Rows of a panel in stretches, evenly spread."""
+    pieces = [np.split(rows, np.arange(STRETCH, len(rows), STRETCH)) for rows in panel.rows]
+    every = max(1, round(len(panel) / ROWS))
+    taken = [
+        np.concatenate([piece[:0], *some[k % every :: every]])
+        for k, (some, piece) in enumerate(zip(pieces, panel.rows, strict=True))
+    ]
+    kept = [np.isin(rows, own) for rows, own in zip(panel.rows, taken, strict=True)]
+    return replace(panel, rows=taken, fold=panel.fold[np.concatenate(kept)])
+
+
+def _whitened(panel: Panel, columns: FloatArray) -> FloatArray:
+    """Columns (N, k) in a panel's rows as they are where the noise of cases has lost its colour."""
+    begins = np.concatenate([np.diff(rows, prepend=-2) != 1 for rows in panel.rows])
+    edges = [*np.flatnonzero(begins).tolist(), len(panel)]
+    rows = max(b - a for a, b in pairwise(edges))
+    slow = SLOW * np.exp(-panel.step / LASTS * np.arange(rows))
+    factor = np.linalg.cholesky(toeplitz(slow + (1.0 - SLOW) * (np.arange(rows) == 0)))
+    white = [solve_triangular(factor[: b - a, : b - a], columns[a:b], lower=True) for a, b in pairwise(edges)]
+    return np.concatenate(white)
