@@ -25,9 +25,9 @@ Joints = tuple[int, ...]
 class Secret:
     """One hidden effect: its name, its joints, its severity, and its true parameters by the contract's keys.
 
-    ``margin`` is by how many standard deviations the logs tell it from its rivals; None where it has none, and of measured
-    logs, of which it is not known. ``nearest`` are the figures of the catalogue's law that is nearest to it, which
-    differ from its own where the law that hides is another.
+    ``margin`` is by how many standard deviations the logs tell it from its rivals; None where it has none, and of
+    measured logs, of which it is not known. ``nearest`` are the figures of the catalogue's law that is nearest to it,
+    which differ from its own where the law that hides is another.
     """
 
     effect: str

@@ -153,7 +153,7 @@ def plots(found: Mapping[str, Any], folder: Path) -> list[Path]:
 
 
 def _not_told_apart(records: Sequence[Mapping[str, Any]]) -> dict[str, float]:
-    """Cases whose logs do not tell what is hidden from its rivals, each with the standard deviations by which they would."""
+    """Cases whose logs do not tell what is hidden from its rivals, each with the standard deviations that they do."""
     truths = [truth_from(r["truth"]) for r in records if r["truth"] is not None]
     return {t.name: t.margin for t in truths if t.margin is not None and not t.told_apart}
 

@@ -261,7 +261,7 @@ class Maker:
             dry = held(dry, dq, np.random.default_rng([self.seed, len(q), int(1e6 * np.abs(q[0]).sum())]))
         known = torque + self.rotor * ddq + self.coulomb * dry + self.viscous * dq + self.offset
         return Scene(
-            t, q, dq, ddq, torque, known, start, direction,
+            t, q, dq, ddq, torque, known, start, direction, dry,
             self.coulomb, self.viscous, self.robot.rigid_body, self.parameters,
         )  # fmt: skip
 

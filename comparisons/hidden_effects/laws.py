@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-from scipy.interpolate import CubicSpline
+from scipy.interpolate import CubicSpline, interp1d
 from scipy.signal import lfilter
 
 from ident.arrays import FloatArray, IntArray
@@ -18,9 +18,9 @@ from ident.rigid_body import RigidBody
 class Scene(NamedTuple):
     """What a law sees of one log: stamps (N,), motion (N, n), what links and all known effects need [force], segment.
 
-    ``direction`` (N, n) is that of dry friction, from -1 to 1, as long as nothing holds it. ``coulomb`` and
-    ``viscous`` (n,) are the robot's own, ``body`` and ``parameters`` its true links, ``torque`` the links' part of
-    ``known``.
+    ``direction`` (N, n) is that of dry friction, from -1 to 1, as long as nothing holds it, ``held`` (N, n) with what
+    it holds of joints at rest. ``coulomb`` and ``viscous`` (n,) are the robot's own, ``body`` and
+    ``parameters`` its true links, ``torque`` the links' part of ``known``.
     """
 
     t: FloatArray
@@ -31,6 +31,7 @@ class Scene(NamedTuple):
     known: FloatArray
     start: FloatArray
     direction: FloatArray
+    held: FloatArray
     coulomb: FloatArray
     viscous: FloatArray
     body: RigidBody
@@ -370,9 +371,11 @@ def between(s: Scene, piece: IntArray, then: FloatArray) -> FloatArray:
     """Return a segment's known force (M, n) at any instants (M,) of it: friction turns between samples, too."""
     t, turned = s.t[piece], sign(s.dq[piece])
     # Friction that builds up is no function of velocity, and has no steps.
-    dry = np.where(np.all(s.direction[piece] == turned, axis=0), s.coulomb, 0.0)
-    smooth: FloatArray = CubicSpline(t, s.known[piece] - dry * turned)(then)
-    return smooth + dry * sign(CubicSpline(t, s.dq[piece])(then))
+    steps = np.all(s.direction[piece] == turned, axis=0)
+    smooth: FloatArray = CubicSpline(t, s.known[piece] - s.coulomb * s.held[piece])(then)
+    besides: FloatArray = interp1d(t, s.held[piece] - np.where(steps, turned, 0.0), axis=0)(then)  # what is held jumps
+    besides += np.where(steps, sign(CubicSpline(t, s.dq[piece])(then)), 0.0)
+    return smooth + s.coulomb * besides
 
 
 @law("filter-lag")

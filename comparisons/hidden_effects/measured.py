@@ -166,7 +166,8 @@ def _scene(model: CurrentModel, log: JointLog) -> Scene:
     start = (np.diff(log.segment, prepend=log.segment[0] - 1) != 0).astype(float)
     body, links = model.robot.rigid_body, model.link_parameters
     load = model.load(motion)
-    return Scene(log.t, motion.q, motion.dq, motion.ddq, load, known, start, sign(motion.dq), dry, damping, body, links)
+    turned = sign(motion.dq)
+    return Scene(log.t, motion.q, motion.dq, motion.ddq, load, known, start, turned, turned, dry, damping, body, links)
 
 
 def _residual(model: CurrentModel, log: JointLog) -> FloatArray:

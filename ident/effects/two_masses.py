@@ -185,7 +185,7 @@ def left_behind(
 
 
 STIFFEST = 2.0
-"""Radians a sample by which a spring alone may ring; a stiffer one is as good as at rest."""
+"""Radians a sample by which a spring alone may ring; of a stiffer one the link follows at once."""
 
 
 @compiled
@@ -213,10 +213,15 @@ def swings(
         if square[k] <= 0.0:
             ahead, speed = 0.0, 0.0
         elif np.isnan(last):
-            ahead, speed = pull[k] / square[k], 0.0
+            ahead, speed = pull[k] / square[k], np.nan
+        elif square[k] * (t[k] - last) ** 2 > STIFFEST**2:
+            step, behind, drew = t[k] - last, ahead, speed
+            ahead = pull[k] / square[k]
+            speed = (ahead - behind) / step
+            onward[k] = 0.0 if np.isnan(drew) else (speed - drew) / step
         else:
-            step = t[k] - last
-            turn = min(np.sqrt(square[k]), STIFFEST / step)
+            step, turn = t[k] - last, np.sqrt(square[k])
+            speed = 0.0 if np.isnan(speed) else speed
             slope, rest = (pull[k] - before) / step / turn**2, before / turn**2
             late = 2.0 * damping / turn * slope
             off, speed = ahead - rest + late, speed - slope

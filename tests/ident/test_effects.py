@@ -348,6 +348,20 @@ def test_a_link_swings_on_its_spring_as_two_masses_do(arm, hertz, dry):
     np.testing.assert_allclose(told[later], lacks[later], atol=(0.06 if dry else 0.05) * np.abs(lacks).max())
 
 
+def test_a_link_follows_at_once_on_a_spring_too_stiff_for_the_samples(arm):
+    t = np.arange(600) / 100.0
+    q = np.stack([np.full_like(t, 0.3), 0.5 * np.sin(2.0 * t) + 0.1 * np.sin(11.0 * t)], axis=1)
+    spline = CubicSpline(t, q)
+    motion = Motion(t, q, spline(t, 1), spline(t, 2))
+    links = np.tile(arm.multibody.parameters, (2, 1))
+    load = arm.rigid_body.inverse_dynamics(motion.q, motion.dq, motion.ddq, links)
+    context = Context(arm, motion, load, links)
+    effect = Elasticity(1, float(np.abs(load[:, 1]).max()), rings=True)
+    soft, stiff = (effect.columns(context, np.array([wound, 0.1]), effect.start())[5:, 0] for wound in (2e-4, 1e-4))
+    np.testing.assert_allclose(soft, 2.0 * stiff, atol=1e-3 * np.abs(soft).max())
+    assert np.abs(stiff).max() > 0.0
+
+
 def test_a_braked_spring_is_looked_for_where_its_link_rings_below_the_cutoff(vs060):
     figures = {"largest": 30.0, "inertia": 2.0}
     survey = SimpleNamespace(robot=vs060, cutoff=8.0, **{key: np.full(6, value) for key, value in figures.items()})
