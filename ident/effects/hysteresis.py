@@ -28,6 +28,10 @@ LEAST_SLIP = 1e-3
 """Displacement [rad or m] before slip below which a joint sticks: dry friction yields by that much in its gears."""
 
 
+EMPTY = 0.02
+"""Share of all elements' force below which one has none."""
+
+
 @dataclass(frozen=True)
 class MaxwellSlip(Effect):
     """Springs in parallel, each slipping at its own displacement (the paper's Eq. 1 and 2; Lampaert et al. 2002).
@@ -62,8 +66,20 @@ class MaxwellSlip(Effect):
         return _forces(self.spread)
 
     def summary(self, robot: Robot, shape: FloatArray, coefficients: FloatArray) -> dict[str, float | list[float]]:
-        """Return the force of all elements, and their mean saturation displacement weighted by force."""
-        return _together(float(shape[0]), self.spread, coefficients)
+        """Return the force of all elements, and their mean saturation displacement weighted by force.
+
+        Elements before a gap that slip where dry friction yields stand for that, and are told apart (``dry``).
+        """
+        lead = self._dry(float(shape[0]), coefficients)
+        told = _together(float(shape[0]), self.spread[lead:], coefficients[lead:])
+        return {**told, "dry": float(coefficients[:lead].sum())} if lead else told
+
+    def _dry(self, slip: float, coefficients: FloatArray) -> int:
+        """How many elements, the first ones, are dry friction."""
+        empty = np.flatnonzero(coefficients < EMPTY * coefficients.sum())
+        lead = int(empty[0]) if len(empty) else 0
+        more = coefficients[lead:].sum() >= EMPTY * coefficients.sum()
+        return lead if lead and more and slip * self.spread[lead - 1] < LEAST_SLIP else 0
 
     def start(self) -> FloatArray:
         """Return the elements' positions: not known before the first sample."""

@@ -26,6 +26,9 @@ LEAST_MIX = 0.2
 ALONE = 1e-6
 """The same to the other joint's own below which the joint's own does not count."""
 
+HARDLY = 0.1
+"""That below which it counts so little that the force is told along the other joint's motion."""
+
 REMEMBERED = 5
 """Samples before a row from which a load's derivatives are extrapolated."""
 
@@ -87,6 +90,13 @@ class CrossJointFriction(Effect):
         # Whose side is open must brake: it is chosen among frictions.
         least = -np.inf if self.side else 0.0
         return (Coefficient("force", "{current}", lower=least), Coefficient("damping", "{current} s/{angle}"))
+
+    def summary(self, robot: Robot, shape: FloatArray, coefficients: FloatArray) -> dict[str, float | list[float]]:
+        """Name the parameters; where the joint's own speed hardly counts, force is that along the other's motion."""
+        told = super().summary(robot, shape, coefficients)
+        if shape[0] < HARDLY - 0.5 * np.pi:
+            told.update(mix=float(shape[0] + np.pi), force=-float(coefficients[0]))
+        return told
 
     def start(self) -> FloatArray:
         """Return the last mixed position, not known before the first, and direction, where it builds up."""

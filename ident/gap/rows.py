@@ -100,8 +100,8 @@ def _dry(model: CurrentModel, laws: Sequence[str]) -> FloatArray:
     force = np.zeros(model.n)
     for term in model.terms:
         if term.effect.name in laws:
-            found = term.effect.summary(model.robot, term.shape, term.coefficients)["force"]
-            force[term.effect.at] += abs(float(np.sum(found)))
+            told = term.effect.summary(model.robot, term.shape, term.coefficients)
+            force[term.effect.at] += abs(float(np.sum(told["force"]))) + float(np.sum(told.get("dry", 0.0)))
     return force
 
 

@@ -169,6 +169,15 @@ def test_a_mix_of_two_joints_is_no_friction_of_one(vs060, presliding):
         assert len(form.shapes) == (1 if presliding else 2)
 
 
+def test_force_of_friction_that_follows_the_other_joint_alone_is_along_its_motion(vs060):
+    form = CrossJointFriction(4, 5)
+    force = np.array([-2.0, 0.0])
+    told = form.summary(vs060, np.array([-0.5 * np.pi + 1e-3, 0.02]), force)
+    assert (told["force"], told["mix"]) == (2.0, pytest.approx(0.5 * np.pi + 1e-3))
+    # The joint's own motion counts: below nought it is dragged along.
+    assert form.summary(vs060, np.array([-0.8, 0.02]), force)["force"] == -2.0
+
+
 def test_friction_of_two_joints_builds_up_over_their_motion_together(context):
     form, mix = CrossJointFriction(4, 5, 1, 3e-4, 0.5), 0.7
     columns = form.columns(context, np.array([mix]), form.start())

@@ -7,7 +7,7 @@ from scipy.interpolate import CubicSpline
 
 from ident.effects.base import Context, initial_term
 from ident.effects.direction import SMOOTHING
-from ident.effects.hysteresis import Backlash, MaxwellSlip
+from ident.effects.hysteresis import FINE_SPREAD, Backlash, MaxwellSlip
 from ident.signals import Motion
 
 DRY = 5.0
@@ -138,3 +138,15 @@ def test_links_of_no_inertia_leave_nothing_that_flies(vs060):
     context = Context(vs060, motion, rng.standard_normal((50, 6)), np.zeros((6, 60)))
     effect = Backlash(2, flies=True, everywhere=True)
     assert not effect.columns(context, initial_term(effect).shape, effect.start()).any()
+
+
+def test_elements_that_are_dry_friction_are_no_part_of_the_force_that_remembers(vs060):
+    def told(slip, *forces):
+        return MaxwellSlip(1, FINE_SPREAD).summary(vs060, np.array([slip]), np.array(forces))
+
+    assert told(1e-3, 2.5, 0.0, 0.0, 1.0, 2.0) == {"force": 3.0, "slip": pytest.approx(23e-3 / 3.0), "dry": 2.5}
+    # Without a gap, beyond what gears yield by, or alone they are what is looked for.
+    assert told(1e-3, 2.5, 0.5, 0.0, 1.0, 2.0)["force"] == 3.0
+    assert told(1e-3, 0.0, 0.5, 1.0, 1.0, 2.0) == {"force": 4.5, "slip": pytest.approx(24.15e-3 / 4.5)}
+    assert told(2e-2, 2.5, 0.0, 0.0, 1.0, 2.0)["force"] == 5.5
+    assert told(1e-3, 2.5, 0.0, 0.0, 0.0, 0.0)["force"] == 2.5
