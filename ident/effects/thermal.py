@@ -85,7 +85,7 @@ class ThermalFriction(DirectedEffect):
     @property
     def shapes(self) -> tuple[Shape, ...]:
         """Return the time constant, how fast the change wanes with heat and, of a mixed power, the steady share."""
-        seconds = Shape("seconds", "s", 12.0, 5000.0, (120.0, 25.0, 50.0, 400.0, 1500.0), ends=(False, False))
+        seconds = Shape("seconds", "s", 12.0, 5000.0, (120.0, 25.0, 50.0, 400.0, 1500.0), ends=(True, False))
         waning = Shape("waning", "1", 0.05, 6.0, (0.5, 2.5), ends=(False, False))
         standing = Shape("standing", "1", 0.0, 1.0, (0.5,), log=False, ends=(False, False))
         return (seconds, waning, standing) if self.mixed else (seconds, waning)

@@ -19,14 +19,14 @@ from ident.model import NEWTON_METRE, CurrentModel
 OFF = (0.01, 0.5)
 """What a URDF's links are off by, least and most, in shares of their mass, that times its distance, their inertia."""
 
+USUAL = 0.1
+"""Such a share, by which a base parameter's unit is taken and the search starts."""
+
 NEAREST = 0.02
 """Distance [m] from its joint's frame that a link's mass has at least, whatever the URDF says of it."""
 
 LIGHTEST = 0.01
 """Share of all links' mass that a link has at least."""
-
-USUAL = 0.1
-"""Such a share, by which a base parameter's unit is taken and the search starts."""
 
 TOOL = (1e-4, 1.0)
 """Share of all links' mass that something weighs, least and most, which the last link carries and the URDF lacks."""
