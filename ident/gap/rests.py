@@ -306,5 +306,7 @@ def slipless(panel: Panel, gap: JointGap, trial: Trial, besides: Sequence[Trial]
     if trial.effect.family != "hysteresis" or trial.effect.measured_on != gap.joint:
         return False
     found = coefficients(panel, gap.problem(panel, besides), trial, gap.joint)
-    slip = trial.effect.summary(panel.robot, trial.shape, found).get("slip", np.inf)
-    return float(np.sum(slip)) < LEAST_SLIP
+    told = {name: float(np.sum(x)) for name, x in trial.effect.summary(panel.robot, trial.shape, found).items()}
+    # Dry friction that is told beside it has no displacement of its own.
+    share = 1.0 / (1.0 + told["dry"] / told["force"]) if told.get("dry", 0.0) > 0.0 else 1.0
+    return share * told.get("slip", np.inf) < LEAST_SLIP
