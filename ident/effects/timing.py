@@ -44,6 +44,8 @@ class Turning:
             known: samples (N,) that count; others are passed over.
             memory: last stamp, velocities and directions, brought up to date; the stamp is not known before the first.
         """
+        if not self.dry.any():
+            return np.zeros_like(self.velocity)
         return _directions(t, self.velocity, known, self.turns, self.presliding, self.exponent, memory)
 
     def force_at(self, then: FloatArray, t: FloatArray, directions: FloatArray) -> FloatArray:
@@ -54,6 +56,8 @@ class Turning:
             t: stamps (N,) of the samples [s].
             directions: its directions (N, k) there.
         """
+        if not self.dry.any():
+            return np.zeros((len(then), len(self.dry)))
         laws = self.turns, self.presliding, self.exponent
         return np.where(self.dry > 0.0, self.dry * _directions_at(then, t, self.velocity, directions, *laws), 0.0)
 
