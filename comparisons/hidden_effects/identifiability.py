@@ -119,12 +119,14 @@ class _Sight:
         panel, survey: some of the logs' rows, in stretches, and facts about them.
         problems: every joint's regression in rows whose noise is white, with the hidden force for target.
         weights: square roots (n,) of the samples that a row stands for, over the noise [1 / force unit].
+        whitening: takes the noise's colour from columns in those rows.
     """
 
     panel: Panel
     survey: Survey
     problems: Sequence[JointProblem]
     weights: FloatArray
+    whitening: _Whitening
 
     @classmethod
     def of(cls, model: CurrentModel, refit: bool, made: Made, logs: Sequence[JointLog]) -> _Sight:
@@ -133,17 +135,18 @@ class _Sight:
         pairs = zip(logs, made.plain, strict=False)  # those of the test logs come last
         other = panel_of(model, [replace(log, current=log.current - plain.current) for log, plain in pairs], ALL)
         hidden = replace(other, rows=panel.rows, fold=panel.fold).force
+        whitening = _Whitening.of(panel)
         gaps = [(gap_of if refit else held_of)(model, panel, j) for j in range(model.n)]
         problems = []
         for j, gap in enumerate(gaps):
             # How large its friction is now, a model that was identified before does not know.
             own = gap.matrix if gap.friction is None else np.hstack([gap.matrix, gap.friction])
-            white = _whitened(panel, np.column_stack([own, hidden[:, j]]))
+            white = whitening.applied(np.column_stack([own, hidden[:, j]]))
             problems.append(
                 JointProblem(white[:, :-1], white[:, -1], panel.fold, gap.keep, gap.prior / made.correlation)
             )
         samples = sum(len(log.t) for log in logs) / len(panel)
-        return cls(panel, survey_of(model, panel), problems, np.sqrt(samples) / (made.noise * model.gain))
+        return cls(panel, survey_of(model, panel), problems, np.sqrt(samples) / (made.noise * model.gain), whitening)
 
     @cached_property
     def target(self) -> FloatArray:
@@ -154,27 +157,24 @@ class _Sight:
         """An effect at its best shape, in place of what is hidden."""
 
         def explained(shape: FloatArray) -> float:
-            return self._fit(effect, shape)[1]
+            return 0.5 * float(self.target @ self.target) - self._at(effect, shape).left
 
         best = max(((shape, explained(shape)) for shape in grid(effect.shapes)), key=lambda one: one[1])
         if effect.shapes:
             best = climb(explained, effect.shapes, [best])
-        coefficients, drop = self._fit(effect, best[0])
-        force = self._columns(effect, best[0])[0] @ coefficients
-        return _Nearest(effect, best[0], coefficients, force, 0.5 * (float(self.target @ self.target) - drop))
+        return self._at(effect, best[0])
 
-    def _fit(self, effect: Effect, shape: FloatArray) -> tuple[FloatArray, float]:
-        """An effect's coefficients (k,) at a shape, within their bounds, and by how much the square of what is hidden
-        falls."""
-        (columns, size), meant = self._columns(effect, shape), effect.plain(shape)
-        if meant is not None:
-            force = columns @ meant
-            return meant, float(2.0 * self.target @ force - force @ force)
-        beyond = Beyond(columns.T @ columns / np.outer(size, size), columns.T @ self.target / size, size)
-        used = beyond.admissible(lower_bounds(self.panel, effect))
-        coefficients = np.zeros(len(used))
-        coefficients[used] = beyond.among(used).coefficients
-        return coefficients, beyond.among(used).drop
+    def _at(self, effect: Effect, shape: FloatArray) -> _Nearest:
+        """An effect at a shape, its coefficients within their bounds."""
+        columns, size = self._columns(effect, shape)
+        coefficients = effect.plain(shape)
+        if coefficients is None:
+            beyond = Beyond(columns.T @ columns / np.outer(size, size), columns.T @ self.target / size, size)
+            used = beyond.admissible(lower_bounds(self.panel, effect))
+            coefficients = np.zeros(len(used))
+            coefficients[used] = beyond.among(used).coefficients
+        force = columns @ coefficients
+        return _Nearest(effect, shape, coefficients, force, 0.5 * float(np.sum((self.target - force) ** 2)))
 
     def _columns(self, effect: Effect, shape: FloatArray) -> tuple[FloatArray, FloatArray]:
         """An effect's columns (n N, k) in all joints' rows beyond the model's own, and their whole lengths (k,)."""
@@ -184,7 +184,7 @@ class _Sight:
             if every.ndim == 2 and effect.acts_on != joint:
                 beyond.append(np.zeros((len(problem), every.shape[1])))
                 continue
-            own = weight * _whitened(self.panel, every[:, joint] if every.ndim == 3 else every)
+            own = weight * self.whitening.applied(every[:, joint] if every.ndim == 3 else every)
             beyond.append(problem.away(own))
             square += sizes(own) ** 2
         return np.concatenate(beyond), np.sqrt(np.where(square > 0.0, square, 1.0))
@@ -192,22 +192,34 @@ class _Sight:
 
 def _stretches(panel: Panel) -> Panel:
     """Rows of a panel in stretches, evenly spread."""
-    pieces = [np.split(rows, np.arange(STRETCH, len(rows), STRETCH)) for rows in panel.rows]
     every = max(1, round(len(panel) / ROWS))
-    taken = [
-        np.concatenate([piece[:0], *some[k % every :: every]])
-        for k, (some, piece) in enumerate(zip(pieces, panel.rows, strict=True))
-    ]
-    kept = [np.isin(rows, own) for rows, own in zip(panel.rows, taken, strict=True)]
+    kept = [np.arange(len(rows)) // STRETCH % every == k % every for k, rows in enumerate(panel.rows)]
+    taken = [rows[some] for rows, some in zip(panel.rows, kept, strict=True)]
     return replace(panel, rows=taken, fold=panel.fold[np.concatenate(kept)])
 
 
-def _whitened(panel: Panel, columns: FloatArray) -> FloatArray:
-    """Columns (N, k) in a panel's rows as they are where the noise of cases has lost its colour."""
-    begins = np.concatenate([np.diff(rows, prepend=-2) != 1 for rows in panel.rows])
-    edges = [*np.flatnonzero(begins).tolist(), len(panel)]
-    rows = max(b - a for a, b in pairwise(edges))
-    slow = SLOW * np.exp(-panel.step / LASTS * np.arange(rows))
-    factor = np.linalg.cholesky(toeplitz(slow + (1.0 - SLOW) * (np.arange(rows) == 0)))
-    white = [solve_triangular(factor[: b - a, : b - a], columns[a:b], lower=True) for a, b in pairwise(edges)]
-    return np.concatenate(white)
+@dataclass(frozen=True, eq=False)
+class _Whitening:
+    """What takes the colour of cases' noise from columns.
+
+    Attributes:
+        stretches: rows that follow one another.
+        factor: Cholesky factor of the correlation of the noise of as many rows as the longest of them has.
+    """
+
+    stretches: list[slice]
+    factor: FloatArray
+
+    @classmethod
+    def of(cls, panel: Panel) -> _Whitening:
+        """For columns in a panel's rows."""
+        begins = np.concatenate([np.diff(rows, prepend=-2) != 1 for rows in panel.rows])
+        edges = [*np.flatnonzero(begins).tolist(), len(panel)]
+        rows = np.arange(max(b - a for a, b in pairwise(edges)))
+        correlation = SLOW * np.exp(-panel.step / LASTS * rows) + (1.0 - SLOW) * (rows == 0)
+        return cls([slice(a, b) for a, b in pairwise(edges)], np.linalg.cholesky(toeplitz(correlation)))
+
+    def applied(self, columns: FloatArray) -> FloatArray:
+        """Columns (N, k) as they are where noise is white."""
+        pieces = [columns[rows] for rows in self.stretches]
+        return np.concatenate([solve_triangular(self.factor[: len(x), : len(x)], x, lower=True) for x in pieces])

@@ -74,6 +74,10 @@ class MaxwellSlip(Effect):
         told = _together(float(shape[0]), self.spread[lead:], coefficients[lead:])
         return {**told, "dry": float(coefficients[:lead].sum())} if lead else told
 
+    def mean_slip(self, shape: FloatArray, coefficients: FloatArray) -> float:
+        """Return the mean saturation displacement [rad or m] of all elements, weighted by force."""
+        return float(np.sum(_together(float(shape[0]), self.spread, coefficients)["slip"]))
+
     def _dry(self, slip: float, coefficients: FloatArray) -> int:
         """How many elements, the first ones, are dry friction."""
         empty = np.flatnonzero(coefficients < EMPTY * coefficients.sum())

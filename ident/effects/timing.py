@@ -300,16 +300,9 @@ def _directions(
                 parts = 1 if slips or presliding[j] <= 0.0 else PARTS
                 for part in range(parts):
                     states[j] = _turned(
-                        states[j],
-                        part / parts,
-                        (part + 1) / parts,
-                        first,
-                        now,
-                        step,
-                        turns[j],
-                        presliding[j],
-                        exponent[j],
-                    )
+                        states[j], part / parts, (part + 1) / parts, first, now, step,
+                        turns[j], presliding[j], exponent[j],
+                    )  # fmt: skip
                 speeds[j] = now
             memory[0] = t[k]
         out[k] = states[:joints]

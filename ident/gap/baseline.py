@@ -98,9 +98,7 @@ def foreseen(model: CurrentModel, train: Sequence[LogSource], choose: bool, yiel
     if choose:
         lower = _followed(best, STEP, logs)
         best = lower if lower is not best else _followed(best, 1.0 / STEP, logs)
-    if best.model.presliding.any():
-        return Foreseen(built_anew(best.model, panel_of(best.model, train)), rests)
-    return Foreseen(best.model, rests)
+    return Foreseen(built_anew(best.model, train), rests)
 
 
 def _directed(model: CurrentModel, train: Sequence[LogSource]) -> tuple[CurrentModel, Rests]:

@@ -11,7 +11,6 @@ from scipy.interpolate import CubicSpline
 from ident.arrays import FloatArray
 from ident.gap.presliding import built_anew
 from ident.gap.rests import Rests
-from ident.gap.rows import panel_of
 from ident.gap.smoothing import smoothed
 from ident.log import JointLog, LogSource, concatenate
 from ident.model import CurrentModel
@@ -79,8 +78,7 @@ def turned_in_time(model: CurrentModel, sources: Sequence[LogSource], rests: Res
     turned = model
     for seconds in np.unique(late[late != 0.0]).tolist():
         in_time = [InTime(source, seconds) for source in sources]
-        found = smoothed(model, in_time, rests, ends=0.0).model
-        found = built_anew(found, panel_of(found, in_time))
+        found = built_anew(smoothed(model, in_time, rests, ends=0.0).model, in_time)
         chosen = [
             new if new.effect.joint is not None and late[new.effect.joint] == seconds else old
             for new, old in zip(found.terms, turned.terms, strict=True)

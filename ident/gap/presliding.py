@@ -33,8 +33,9 @@ from ident.gap.rests import (
     slipless,
     told_by,
 )
-from ident.gap.rows import gap_of
+from ident.gap.rows import gap_of, panel_of
 from ident.gap.standing import hardly_moved, of_motors
+from ident.log import LogSource
 from ident.model import CurrentModel
 
 DISPLACEMENTS, EXPONENTS = (1e-5, LEAST_SLIP), (0.0, 1.0)
@@ -151,9 +152,12 @@ def yielding(model: CurrentModel, panel: Panel, survey: Survey, rests: Rests) ->
     return with_directions(model, laws)
 
 
-def built_anew(model: CurrentModel, panel: Panel) -> CurrentModel:
-    """Fit the laws once more where friction builds up, to rows of logs under the model."""
+def built_anew(model: CurrentModel, sources: Sequence[LogSource]) -> CurrentModel:
+    """Fit the laws once more where friction builds up, if it does, to logs under the model."""
     yields = np.flatnonzero(model.presliding).tolist()
+    if not yields:
+        return model
+    panel = panel_of(model, sources)
     frictions = {j: DryFriction.of(model, panel, j) for j in yields}
     return with_directions(model, {j: None if dry is None else dry.built_up() for j, dry in frictions.items()})
 

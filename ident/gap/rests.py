@@ -14,7 +14,7 @@ from scipy.ndimage import label
 
 from ident.arrays import BoolArray, FloatArray, IntArray
 from ident.coupling import Coupling
-from ident.effects.hysteresis import LEAST_SLIP
+from ident.effects.hysteresis import LEAST_SLIP, MaxwellSlip
 from ident.effects.survey import Survey
 from ident.effects.timing import Timing
 from ident.gap.candidates import Trial, admissible, best_start, coefficients, forms, refine
@@ -303,10 +303,7 @@ def occasions(panel: Panel, left: FloatArray, rest: BoolArray) -> float:
 
 def slipless(panel: Panel, gap: JointGap, trial: Trial, besides: Sequence[Trial] = ()) -> bool:
     """Whether this, besides others, is hysteresis over no displacement of its own: then dry friction sticks."""
-    if trial.effect.family != "hysteresis" or trial.effect.measured_on != gap.joint:
+    if not isinstance(trial.effect, MaxwellSlip) or trial.effect.joint != gap.joint:
         return False
     found = coefficients(panel, gap.problem(panel, besides), trial, gap.joint)
-    told = {name: float(np.sum(x)) for name, x in trial.effect.summary(panel.robot, trial.shape, found).items()}
-    # Dry friction that is told beside it has no displacement of its own.
-    share = 1.0 / (1.0 + told["dry"] / told["force"]) if told.get("dry", 0.0) > 0.0 else 1.0
-    return share * told.get("slip", np.inf) < LEAST_SLIP
+    return trial.effect.mean_slip(trial.shape, found) < LEAST_SLIP

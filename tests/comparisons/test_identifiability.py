@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from comparisons.hidden_effects.cases import Case, Hidden, make
-from comparisons.hidden_effects.identifiability import ALL, SURE, _Nearest, _stretches, _whitened, told
+from comparisons.hidden_effects.identifiability import ALL, SURE, _Nearest, _stretches, _Whitening, told
 from comparisons.hidden_effects.scoring import MAIN
 from ident.gap import baseline_model
 from ident.gap.rows import panel_of
@@ -66,7 +66,7 @@ def test_whitened_noise_is_white():
     pairs = zip(made.train, quiet.train, strict=True)
     noise = [replace(log, current=(log.current - other.current) / made.noise) for log, other in pairs]
     panel = _stretches(panel_of(model, noise, ALL))
-    white = _whitened(panel, panel.force / model.gain)
+    white = _Whitening.of(panel).applied(panel.force / model.gain)
     assert np.std(white) == pytest.approx(1.0, abs=0.05)
     assert abs(np.mean(white[1:] * white[:-1])) < 0.03
     assert np.mean(panel.force[1:] * panel.force[:-1] / model.gain**2) > 0.2
