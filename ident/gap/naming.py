@@ -18,7 +18,7 @@ from ident.gap.joint_gap import JointGap, Named
 from ident.gap.on_all import Whole, columns_of
 from ident.gap.panel import Panel
 from ident.gap.rests import slipless
-from ident.gap.search import Search, search
+from ident.gap.search import LEVEL, Search, search
 from ident.gap.subject import Subject
 from ident.gap.threads import in_threads
 from ident.gap.whole import whole_effect
@@ -94,6 +94,8 @@ def name_causes(subject: Subject, keep: BoolArray, tell: Callable[[float], None]
         searches = _searches(subject, gaps)
     named = _attributed(subject, searches)
     beside = _whole_beside(subject, searches, named, _known(subject, wholes))
+    if beside is None:
+        beside = _whole_beside_likely(subject, gaps, named, _known(subject, wholes))
     if beside is not None:
         wholes.append(beside)
         named = _attributed(subject, _searches(subject, _without(subject, gaps, beside)))
@@ -178,6 +180,33 @@ def _beside(
             others = [n for n in one.named if n is not left_out]
             without = search(subject.panel, subject.survey, one.gap, others) if others else plain[j]
             yield [*full[:j], without, *full[j + 1 :]], left_out.effect
+
+
+def _whole_beside_likely(
+    subject: Subject, gaps: Sequence[JointGap], full: Sequence[Search], present: Sequence[Effect]
+) -> Whole | None:
+    """A cause of the whole robot that shows only beside what a joint is likely to have, as that does beside it.
+
+    Args:
+        subject: the model and its rows.
+        gaps: every joint's rows.
+        full: every joint's search beside its own causes.
+        present: causes of the whole robot that are known.
+    """
+    panel, survey = subject.panel, subject.survey
+    for j, one in enumerate(full):
+        likely = one.closest
+        if one.named or likely is None or not one.gains(likely):
+            continue
+        beside = search(panel, survey, one.gap, [Named(likely, LEVEL, one.explained(likely), one.trials)])
+        found = whole_effect(panel, survey, [*full[:j], beside, *full[j + 1 :]], present, last=True)
+        if found is None:
+            continue
+        own = attribute(panel, survey, search(panel, survey, _without(subject, gaps, found)[j]))
+        names, doubted = _parted(subject, own)
+        if names and not doubted:
+            return found
+    return None
 
 
 def _judged(subject: Subject, last: Search) -> tuple[JointGap, list[Named], list[Named]]:
