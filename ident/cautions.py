@@ -21,6 +21,9 @@ NEVER_MOVES = 2e-3
 FURTHER, ROWS = 0.1, 0.05
 """Logs go further than others if this share of their rows is this share of the others' range beyond it."""
 
+WORSE = 3.0
+"""Times what a joint errs by on train logs that it may on test logs without a word."""
+
 WITHIN = 0.2
 """Share of what a model leaves that its own errors may make up, from which on it is said."""
 
@@ -56,9 +59,9 @@ def gain_warnings(estimate: GainEstimate | None) -> list[str]:
 def error_warnings(robot: Robot, share: FloatArray) -> list[str]:
     """Name joints whose gap, a share (n,) of it, may be no change but the errors of a model held fixed."""
     return [
-        f"Joint {j + 1} ({robot.joints[j]}): {share[j]:.0%} of the squared gap that is left lies within the errors of "
-        "the model's own parameters, so it is no sign of a change: identify the model from longer or richer logs "
-        "(sensorless excite)."
+        f"Joint {j + 1} ({robot.joints[j]}): {100 * share[j]:.0f} % of the squared gap that is left lies within the "
+        "errors of the model's own parameters, so it is no sign of a change: identify the model from longer or "
+        "richer logs (sensorless excite)."
         for j in np.flatnonzero(share >= WITHIN)
     ]
 
@@ -75,6 +78,21 @@ def sign_warnings(model: CurrentModel, held: Sequence[Block]) -> list[str]:
         f"Joint {j + 1} ({model.robot.joints[j]}): friction would drive the motion; the sign of its current is "
         "probably flipped. Give the card a scale of -1 for it: [log] scale = { current = [...] }."
         for j in np.flatnonzero(power < 0)
+    ]
+
+
+def misfit_warnings(robot: Robot, train: FloatArray, test: FloatArray) -> list[str]:
+    """Name joints that a model predicts far worse in test logs, RMS error (n,), than in train logs (n,).
+
+    Args:
+        robot: the robot.
+        train: NaN where not known.
+        test: of the same model.
+    """
+    return [
+        f"Joint {j + 1} ({robot.joints[j]}) errs {test[j] / train[j]:.0f} times as much on the test logs as on the "
+        "train logs: they hold what those do not show, as another load, a touch or a flipped sign."
+        for j in np.flatnonzero(test > WORSE * train)
     ]
 
 

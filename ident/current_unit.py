@@ -8,6 +8,7 @@ import numpy as np
 
 from ident.errors import InputError
 from ident.log import LogSource
+from ident.log_set import path_of
 from ident.model import CurrentModel
 
 FACTOR = 20.0
@@ -41,7 +42,7 @@ def check_unit(model: CurrentModel, logs: Iterable[LogSource], learnt: bool = Fa
             ratio = float(10.0 ** np.round(power))
         columns = "i1" if model.n == 1 else f"i1 to i{model.n}"
         what = f"{columns} hold about {ratio:.3g} times what the model predicts: another unit than its {model.unit}"
-        where = f"{getattr(source, 'path', source.name)} row 1"
+        where = f"{path_of(source)} row 1"
         how = f"multiply scale current in [log] of its card by {1.0 / ratio:.3g}"
         raise InputError(what, where, "give all logs in one unit" if learnt else how)
 

@@ -23,6 +23,9 @@ FORMAT = 1
 NUMBERS = re.compile(r"\[\s+[-+.e\d]+(,\s+[-+.e\d]+)*\s+\]")
 """A list of numbers, which takes one line."""
 
+ELSEWHERE = 1e-3
+"""A joint that lies further [m] from where the model's URDF has it is another robot's."""
+
 DIGITS = 4
 """Significant digits of errors."""
 
@@ -38,6 +41,7 @@ def save_model(model: CurrentModel, folder: Path) -> None:
         "format": FORMAT,
         "robot": model.robot.name,
         "joints": list(model.robot.joints),
+        "origins": np.round(model.robot.multibody.tree.translation, 6).tolist(),
         "unit": model.unit,
         "force_unit": model.force_unit,
         "gain": model.gain.tolist(),
@@ -75,6 +79,7 @@ def load_model(folder: str | Path, robot: Robot) -> CurrentModel:
                 f"the model's {key} {content.get(key)} are not the robot's {here}", str(path), "give this robot's model"
             )
     try:
+        _check_origins(robot, content, path)
         return CurrentModel(
             robot,
             _terms(robot, content["terms"], path),
@@ -86,6 +91,17 @@ def load_model(folder: str | Path, robot: Robot) -> CurrentModel:
         )
     except (KeyError, TypeError, ValueError) as error:
         raise InputError(f"the model lacks or spoils {error}", str(path), "identify again") from error
+
+
+def _check_origins(robot: Robot, content: dict[str, Any], path: Path) -> None:
+    """Refuse a model of other links; where the base stands is nobody's concern, nor is it of files without origins."""
+    tree = robot.multibody.tree
+    there = np.array(content.get("origins", tree.translation), dtype=float)
+    off = np.linalg.norm(there - tree.translation, axis=1) * (tree.parent >= 0)
+    joint = int(np.argmax(off))
+    if off[joint] > ELSEWHERE:
+        what = f"joint {joint + 1} lies {off[joint]:.3g} m elsewhere in its link than in the model's URDF"
+        raise InputError(what, str(path), f"give a model of {robot.name}, or the URDF it was identified with")
 
 
 def _write(model: CurrentModel, term: Term) -> dict[str, Any]:

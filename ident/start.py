@@ -22,6 +22,7 @@ from ident.errors import InputError
 from ident.fit import Drives, solved_model
 from ident.least_squares import factorise, solve
 from ident.log import JointLog, LogSource, concatenate
+from ident.log_set import check_together, path_of
 from ident.model import NEWTON_METRE, CurrentModel
 from ident.payload import Payload
 from ident.robot import Robot
@@ -103,10 +104,13 @@ def start_of(
     """
     if not train:
         raise InputError("no log to identify from", "--train", "give at least one log")
+    check_together(train)
+    if cutoff is not None and not cutoff > 0.0:
+        raise InputError(f"cut-off of {cutoff:g} Hz", "--cutoff", "give one between 0 and half the sampling rate")
     chosen = CutoffChoice(cutoff, "given") if cutoff is not None else _choose_cutoff(train)
     held = collect(train, chosen.hertz)
     if not any(block.keep.any() for block in held):
-        where = ", ".join(source.name for source in train)
+        where = ", ".join(path_of(source) for source in train)
         raise InputError(f"too short for a cut-off of {chosen.hertz:.3g} Hz", where, "give longer logs")
     still = still_joints(held)
     gains = gains or ("payload" if loaded is not None else "known" if robot.gain is not None else "per-joint")

@@ -76,6 +76,7 @@ def identify_into(
     from ident.gap.evidence import evidence
     from ident.identification import PayloadLogs
     from ident.identification import identify as identify_model
+    from ident.log_set import set_warnings
     from ident.payload import Payload
     from ident.readers import open_logs
     from ident.robot import load_robot
@@ -99,7 +100,7 @@ def identify_into(
             for part, shown in {"train": logs, **({"test": held_out} if held_out else {})}.items():
                 figures[part]["rmse_moving"] = evidence([found.model], shown, found.rests).moving[0]
         further = reach_warnings(loaded, logs, held_out, found.cutoff.hertz)
-        found = replace(found, warnings=(*found.warnings, *further))
+        found = replace(found, warnings=(*found.warnings, *further, *set_warnings(logs, held_out)))
         progress("predicting", 1.0)
     found.write(output.path)
     note = provenance([*train, *(test or [])])

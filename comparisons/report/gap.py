@@ -12,6 +12,7 @@ from comparisons.report import style
 from comparisons.report.provenance import Provenance
 from comparisons.report.report import Report
 from comparisons.report.rests import sticking, yielding
+from ident.effects.base import Coefficient
 from ident.gap.report import ITS_SIZE
 
 if TYPE_CHECKING:
@@ -26,7 +27,7 @@ WORDS = {
     "base-tilt": "the base is tilted",
     "cable-spring": "a cable or hose pulls as the joint turns",
     "gravity-balancer": "a balancer relieves the joint of gravity",
-    "rotor-inertia": "more inertia turns with the joint than the model says",
+    "rotor-inertia": "the inertia that turns with the joint is not the model's",
     "coulomb": "dry friction differs from the model's",
     "viscous": "viscous friction differs from the model's",
     "coulomb-asymmetry": "friction differs between the two directions",
@@ -51,11 +52,14 @@ WORDS = {
     "filter-lag": "the current passes a filter",
     "contact": "something touched the arm",
 }
-ANGLE = "{angle}"
+ANGLE, FORCE = "{angle}", "{current}"
 UNITS = {
     **{"mass": "kg", "seconds": "s", "hertz": "Hz", "roll": "rad", "pitch": "rad"},
     **dict.fromkeys(("gap", "slip", "neutral", "slack"), ANGLE),
+    **dict.fromkeys(("force", "offset"), FORCE),
+    **{"stiffness": f"{FORCE}/{ANGLE}", "per_hour": f"{FORCE}/h", "speed": f"{ANGLE}/s"},
 }
+"""Units of figures, by their key; friction by load has a force for each of load."""
 SIZES = {
     "load": "it is larger where that changes sides, as where gears have play",
     "|dq": "it is larger in slow motion",
@@ -64,6 +68,12 @@ SIZES = {
 """What is meant where only the size of what is unexplained follows a signal that begins so."""
 
 POINTS = 4000
+
+MANY = 1e4
+"""Times the noise floor from which on the map has no room for digits."""
+
+BINS, A_PERIOD, MOST_BINS, LEAST_ROWS = 24, 12, 600, 6
+"""Bins of a mean over a signal; for each period of a force that repeats; at most; rows that one must have."""
 
 HARDLY = 0.005
 """Share by which the gap must change for it to be said to fall or to grow."""
@@ -81,13 +91,7 @@ def nameless(one: Unexplained) -> str:
 
 def sentence(found: GapReport, finding: Finding) -> str:
     """Say a finding in one sentence, with its main figures and the gap before and after on the test logs."""
-    where = finding.where
-    measured = finding.terms[0].effect.measured_on if finding.terms else None
-    angle = "rad" if measured is None else found.model.robot.displacement_unit(measured)
-    figures = ", ".join(
-        f"{key} {_number(value)} {UNITS.get(key, '').replace(ANGLE, angle)}".rstrip()
-        for key, value in finding.parameters.items()
-    )
+    where, figures = finding.where, _figures(found, finding)
     if finding.effect == "delay" and not finding.terms:
         where = "Logged velocities come late and are derived from the positions instead. " + where
     text = f"{where}: {WORDS.get(finding.effect, finding.effect)} ({finding.effect}; {figures})"
@@ -143,8 +147,7 @@ def gap_report(found: GapReport, test: Sequence[LogSource], note: Provenance) ->
     report.section("Where the gap is")
     report.text(
         "RMS residual by joint and regime of motion on the train logs, over the joint's noise floor; one is noise. "
-        "Blank: hardly a row, or rows left out because the joint sticks, or noise hides which way it moves. "
-        "Intervals come from a block bootstrap."
+        "Blank: hardly a row, or rows left out because the joint sticks, or noise hides which way it moves."
     )
     report.figure(_map(found), "Before (left) and after (right) what was found is added")
     shown = [before, after, *((found.evidence.moving[0], found.evidence.moving[-1]) if found.rests else ())]
@@ -154,7 +157,8 @@ def gap_report(found: GapReport, test: Sequence[LogSource], note: Provenance) ->
     report.table(columns, rows, "RMS error on the test logs")
     for finding in found.findings:
         if len(finding.joints) == 1 and finding.effect != "contact":
-            report.figure(_signal(found, finding), f"Joint {finding.joints[0] + 1}: {finding.effect}")
+            caption = f"Joint {finding.joints[0] + 1}: {finding.effect}, in rows of the train logs"
+            report.figure(_signal(found, finding), caption)
     _traces(report, found, test)
     _open(report, found)
     return report.provenance(note)
@@ -165,7 +169,7 @@ def _table(report: Report, found: GapReport) -> None:
     for finding in found.findings:
         joints = ", ".join(str(j + 1) for j in finding.joints) or "all"
         control = "" if finding.control is None else f"{100 * finding.control:.2g} %"
-        figures = ", ".join(f"{k} {_number(v)}" for k, v in finding.parameters.items())
+        figures = _figures(found, finding)
         others = ", ".join(finding.alternatives) or "none"
         rows.append([joints, finding.effect, figures, f"{finding.p_value:.1g}", others, control])
     columns = ["joint", "effect", "parameters", "p-value", "alternatives", "negative control"]
@@ -185,7 +189,7 @@ def _map(found: GapReport) -> Figure:
         shown = [m.rms / np.maximum(floor, 1e-300) for m in (found.map_before, found.map_after)]
         top = max(2.0, float(np.nanmax(shown[0])))
         for axis, values, title in zip(axes, shown, ("before", "after"), strict=True):
-            axis.imshow(values, aspect="auto", cmap="YlOrRd", vmin=0.8, vmax=top)
+            image = axis.imshow(values, aspect="auto", cmap="YlOrRd", vmin=0.8, vmax=top)
             axis.set_title(title)
             axis.set_xticks(range(len(found.map_before.regimes)), found.map_before.regimes, rotation=60, ha="right")
             axis.set_yticks(range(found.model.n), [f"J{j + 1}" for j in range(found.model.n)])
@@ -193,7 +197,9 @@ def _map(found: GapReport) -> Figure:
             for (j, k), value in np.ndenumerate(values):
                 if np.isfinite(value):
                     colour = "white" if value > 0.65 * top else "#1f2a33"
-                    axis.text(k, j, f"{value:.1f}", ha="center", va="center", fontsize=6, color=colour)
+                    text = f"{value:.1f}" if value < MANY else f"{value:.0e}"
+                    axis.text(k, j, text, ha="center", va="center", fontsize=6, color=colour)
+        figure.colorbar(image, ax=axes, label="RMS over noise floor")
     return figure
 
 
@@ -201,6 +207,9 @@ def _signal(found: GapReport, finding: Finding) -> Figure:
     """The residual against the signal that the effect depends on, before and after."""
     joint = finding.joints[0]
     label, x = _depends_on(found, finding, joint)
+    bins = BINS
+    if label.startswith("position") and isinstance(often := finding.parameters.get("per_turn"), float):
+        bins = max(bins, min(round(A_PERIOD * often * np.ptp(x) / (2.0 * np.pi)), MOST_BINS))
     every = max(1, len(x) // POINTS)
     figure = style.new_figure(9.0, 2.6)
     with style.report_style():
@@ -209,11 +218,11 @@ def _signal(found: GapReport, finding: Finding) -> Figure:
         for axis, values, title in zip(axes, found.residuals, ("before", "after"), strict=True):
             y = values[:, joint] / gain
             axis.plot(x[::every], y[::every], ".", color=style.RESIDUAL, markersize=1.5)
-            edges = np.quantile(x, np.linspace(0, 1, 25))
+            edges = np.quantile(x, np.linspace(0, 1, bins + 1))
             middles, means = [], []
             for low, high in itertools.pairwise(edges):
-                rows = (x >= low) & (x <= high)
-                if rows.sum() > 10:
+                rows = (x >= low) & (x <= high) & np.isfinite(y)
+                if rows.sum() >= LEAST_ROWS:
                     middles.append(float(x[rows].mean()))
                     means.append(float(y[rows].mean()))
             axis.plot(middles, means, color=style.PREDICTED, linewidth=1.5, label="mean")
@@ -251,7 +260,7 @@ def _traces(report: Report, found: GapReport, test: Sequence[LogSource]) -> None
             axis.plot(*style.thin(t, (log.current - values)[rows, j]), color=colour, label=label, linewidth=0.7)
     style.legend_above(figure, axes[0])
     report.section("Residuals")
-    report.figure(figure, f"Beginning of `{test[0].name}`, a test log")
+    report.figure(figure, f"The first {t[-1]:.0f} s of `{test[0].name}`, a test log, with all its rows")
 
 
 def _open(report: Report, found: GapReport) -> None:
@@ -275,6 +284,16 @@ def _open(report: Report, found: GapReport) -> None:
         report.table(["effect", "joint", "why"], rows)
     else:
         report.text("These logs could show every effect of the catalogue.")
+
+
+def _figures(found: GapReport, finding: Finding) -> str:
+    """A finding's figures with their units."""
+
+    def unit_of(key: str) -> str:
+        unit = "" if (finding.effect, key) == ("load-friction", "force") else UNITS.get(key, "")
+        return found.model.unit_of(finding.terms[0].effect, Coefficient(key, unit)) if finding.terms else unit
+
+    return ", ".join(f"{key} {_number(value)} {unit_of(key)}".rstrip() for key, value in finding.parameters.items())
 
 
 def _number(value: float | list[float]) -> str:

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ident.arrays import FloatArray
+from ident.errors import InputError
 from ident.gap.candidates import coefficients
 from ident.gap.gate import surrogates
 from ident.gap.joint_gap import JointGap, Named, starts_of
@@ -15,6 +16,7 @@ from ident.gap.panel import Panel
 from ident.gap.problem import gain
 from ident.gap.rests import Rests
 from ident.log import LogSource
+from ident.log_set import path_of
 from ident.model import CurrentModel
 
 DRAWS = 9
@@ -53,10 +55,14 @@ def evidence(models: Sequence[CurrentModel], test: Sequence[LogSource], rests: R
         models: the model, and its extensions.
         test: the logs.
         rests: which joints stick.
+
+    Raises:
+        InputError: a log is too short to be predicted.
     """
     n = models[0].n
     sums, counts = np.zeros((2, len(models), 2, n))
     for source in test:
+        already = counts[0, 0].max()
         for k, model in enumerate(models):
             for block, predicted in model.predict_walk(source):
                 left = block.log.current - predicted
@@ -65,6 +71,8 @@ def evidence(models: Sequence[CurrentModel], test: Sequence[LogSource], rests: R
                 for part, rows in enumerate((known, moving)):
                     sums[k, part] += np.sum(np.where(rows, left, 0.0) ** 2, axis=0)
                     counts[k, part] += rows.sum(axis=0)
+        if counts[0, 0].max() == already:
+            raise InputError("no row that can be predicted", path_of(source), "give a longer log")
     errors = np.sqrt(sums / np.maximum(counts, 1))
     return Evidence(tuple(errors[:, 0]), tuple(errors[:, 1]), int(counts[0, 0].max()))
 

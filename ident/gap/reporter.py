@@ -10,12 +10,12 @@ from itertools import chain
 import numpy as np
 
 from ident.arrays import FloatArray
-from ident.cautions import error_warnings, reach_warnings, sign_warnings, still_joints, still_warnings
+from ident.cautions import error_warnings, misfit_warnings, reach_warnings, sign_warnings, still_joints, still_warnings
 from ident.effects.base import Effect, Term
 from ident.gap.belief import unexplained
 from ident.gap.candidates import Trial
 from ident.gap.clocks import by_own_clock, clock_warnings
-from ident.gap.evidence import evidence, negative_control
+from ident.gap.evidence import Evidence, evidence, negative_control
 from ident.gap.experiment import Experiment, Joined, Question, separating, with_motion
 from ident.gap.joint_gap import JointGap, Named
 from ident.gap.localise import gap_map
@@ -33,6 +33,7 @@ from ident.gap.touch import Touches
 from ident.gap.unsure import mistimed, turning
 from ident.gap.velocity_lag import VelocityLag
 from ident.log import JointLog, LogSource
+from ident.log_set import set_warnings
 from ident.model import CurrentModel
 
 UNCLEAR = 0.5
@@ -134,7 +135,7 @@ class Reporter:
         return GapReport(
             self.start.model, model, tuple(findings), tuple(nameless), tuple(missing), maps[0], maps[1],
             panel, survey, (before, after), causes.p_values, shown, subject.rests.joints,
-            self._warnings(findings, within),
+            (*self._warnings(findings, within), *self._misfit(shown, after + own[1])),
         )  # fmt: skip
 
     def _denied(self, causes: Causes, findings: Sequence[Finding]) -> list[Named]:
@@ -174,10 +175,19 @@ class Reporter:
             *sign_warnings(self.start.model, held),
             *still_warnings(model.robot, still_joints(held)),
             *reach_warnings(model.robot, self.subject.train, self.test, model.cutoff),
+            *set_warnings(self.subject.train, self.test),
             *clock_warnings(self.subject.clock, [finding.effect for finding in findings]),
             *nil_warnings(findings),
             *error_warnings(model.robot, within),
         )
+
+    def _misfit(self, shown: Evidence | None, left: FloatArray) -> list[str]:
+        """Which joints the model delivered predicts far worse on test logs than it leaves (N, n) of train logs."""
+        if shown is None:
+            return []
+        rows = np.maximum(np.isfinite(left).sum(axis=0), 1)
+        known = np.sqrt(np.nansum(left**2, axis=0) / rows) / self.subject.model.gain
+        return misfit_warnings(self.subject.model.robot, known, shown.moving[-1])
 
     def _whole_finding(self, whole: Whole, gap: JointGap, named: Sequence[Named]) -> Finding:
         """A cause of the whole robot and the joint that shows most of it; its figures are yet to come."""

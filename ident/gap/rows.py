@@ -18,6 +18,7 @@ from ident.gap.joint_gap import JointGap
 from ident.gap.own_errors import own_errors
 from ident.gap.panel import Panel
 from ident.log import LogSource
+from ident.log_set import path_of
 from ident.model import NEWTON_METRE, CurrentModel
 from ident.walk import collect, kept_rows, slowest_rate
 
@@ -46,7 +47,7 @@ def panel_of(model: CurrentModel, sources: Sequence[LogSource], limit: int = ROW
     """
     blocks = collect([model.view(source) for source in sources], model.cutoff)
     if not blocks:
-        raise InputError("too few rows", ", ".join(source.name for source in sources), "give longer logs")
+        raise InputError("no row to learn from", ", ".join(path_of(source) for source in sources), "give longer logs")
     slowest = slowest_rate(blocks)
     every = max(1, -(-kept_rows(blocks) // limit))
     # Of logs that were sampled faster fewer rows: the step is one for all.

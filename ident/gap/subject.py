@@ -18,6 +18,7 @@ from ident.gap.panel import Panel
 from ident.gap.rests import Rests, no_rests, rests_of
 from ident.gap.rows import gap_of, held_of, panel_of, survey_of
 from ident.log import LogSource
+from ident.log_set import path_of
 from ident.model import CurrentModel
 
 LEAST_ROWS = 200
@@ -117,6 +118,7 @@ class Subject:
             self.model = self.fitted(self.model, [])
         self.panel = panel_of(self.model, self.train)
         if len(self.panel) < LEAST_ROWS:
-            raise InputError("too few rows", ", ".join(s.name for s in self.train), "give longer logs")
+            what = f"{len(self.panel)} rows to learn from, where {LEAST_ROWS} are needed"
+            raise InputError(what, ", ".join(path_of(s) for s in self.train), "give longer logs")
         self.survey = survey_of(self.model, self.panel, self.clock.begins, not self.refit)
         self.gaps = [self.gap(self.panel, j) for j in range(self.model.n)]

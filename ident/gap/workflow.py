@@ -24,6 +24,7 @@ from ident.gap.touch import Touches, find_touches, undisturbed
 from ident.gap.unsure import unsure_rows
 from ident.gap.velocity_lag import new_lag
 from ident.log import JointLog, LogSource
+from ident.log_set import check_together
 from ident.model import CurrentModel
 
 Progress = Callable[[str, float], None]
@@ -53,10 +54,12 @@ def find_gap(
             would separate names that the logs leave open; without any, findings only say it in words.
 
     Raises:
-        InputError: no log, logs too short, or with currents in another unit than the model's.
+        InputError: no log, logs too short, a current that never changes, or one in another unit than others or the
+            model's.
     """
     if not train:
         raise InputError("no log to look at", "--train", "give at least one log")
+    check_together(train)
     with threadpool_limits(1, "blas"):
         return _find_gap(model, train, test, refit, progress or (lambda what, share: None), motions or {})
 

@@ -25,7 +25,7 @@ def test_it_is_said_what_a_size_that_follows_a_signal_means(signal, words):
 @pytest.mark.parametrize(("slides", "unit"), [(True, "m"), (False, "rad")])
 def test_displacements_have_the_unit_of_their_joint(slides, unit):
     found = SimpleNamespace(
-        model=SimpleNamespace(robot=SimpleNamespace(displacement_unit=("rad", "m" if slides else "rad").__getitem__)),
+        model=SimpleNamespace(unit_of=lambda effect, parameter: parameter.unit.replace("{angle}", unit)),
         evidence=None,
     )
     terms = (SimpleNamespace(effect=Backlash(1)),)

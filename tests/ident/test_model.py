@@ -148,6 +148,11 @@ def spoilt(tmp_path, model, change):
         (lambda c: c["terms"][7].update(errors=[]), "lacks or spoils errors of [a-z]"),
         (lambda c: c["terms"][7].update(errors="x"), "lacks or spoils errors of [a-z]"),
         (lambda c: c["terms"][7].update(errors=[[float("nan")]]), "lacks or spoils errors of [a-z]"),
+        (
+            lambda c: c["origins"][2].__setitem__(0, c["origins"][2][0] + 0.3),
+            "joint 3 lies 0.3 m elsewhere in its link",
+        ),
+        (lambda c: c["origins"].pop(), "lacks or spoils"),
         (lambda c: c.pop("terms"), "lacks or spoils 'terms'"),
         (lambda c: c["terms"][7].update(options={"smothing": 1.0}), "lacks or spoils"),
         (lambda c: c["terms"][7].update(joint="two"), "lacks or spoils"),
