@@ -93,7 +93,8 @@ def test_logs_that_go_further_and_flipped_signs_are_warned_of(robot, logs, tmp_p
     assert status == 0
     assert "warning: Joint 1 (a): friction would drive the motion" in out
     assert "warning: The test logs go further than the train logs" in out
-    assert len(json.loads((tmp_path / "out" / "result.json").read_text())["warnings"]) == 2
+    assert "times as much on the test logs as on the train logs" in out
+    assert len(json.loads((tmp_path / "out" / "result.json").read_text())["warnings"]) == 3
     assert "go further than the train logs" in (tmp_path / "out" / "report.html").read_text()
 
 
