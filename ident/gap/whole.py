@@ -15,6 +15,8 @@ from ident.gap.abstain import explainable
 from ident.gap.agreement import IN_TIME, Predicted, agrees_at_any_pace
 from ident.gap.belief import CERTAIN, ENOUGH, remembered_of
 from ident.gap.candidates import Trial, forms, within_bounds
+from ident.gap.gate import MOVING
+from ident.gap.joint_gap import classes_of
 from ident.gap.on_all import TINY, OnAll, Whole, columns_of, likelihoods
 from ident.gap.panel import Panel
 from ident.gap.problem import JointProblem, gain
@@ -129,7 +131,7 @@ class _Judge:
 
     def first(self, ranking: Sequence[Whole]) -> Whole | None:
         """The first cause that holds."""
-        for best in ranking:
+        for best in self._by_motion(ranking):
             after = best.held_out.sum(axis=1)
             gains = _gains(self._squares, after)
             # In every fold the joints together must gain: where some move little, others bear it out.
@@ -146,6 +148,29 @@ class _Judge:
                 found = self._in_full(best)
                 return replace(found, p_value=p_value, alternatives=others, joint=int(np.argmax(explained)))
         return None
+
+    def _by_motion(self, ranking: Sequence[Whole]) -> list[Whole]:
+        """The ranking, but of rivals that say when the current comes the one first that tells motion best, by its law.
+
+        Which way a joint that stands is about to move is noise, which a filter takes away from its dry friction.
+        """
+        timing = [whole for whole in ranking if whole.effect.family == "timing"]
+        rivals = [other for other in timing if _close(timing[0], other)]
+        if not rivals:
+            return list(ranking)
+        best, place = max([timing[0], *rivals], key=self._in_motion), ranking.index(timing[0])
+        return [*ranking[:place], best, *(whole for whole in ranking[place:] if whole is not best)]
+
+    def _in_motion(self, whole: Whole) -> float:
+        """Gain in log-likelihood of what a cause, by its law if that is near, explains of rows in which joints move."""
+        law = whole if whole.law is None else whole.law
+        gained = 0.0
+        for j, problem in enumerate(self.problems):
+            moving = classes_of(self.panel, problem, j) >= MOVING
+            left = _left(self.panel, problem, law, j)[moving]
+            before, after = float(np.sum(problem.residual[moving] ** 2)), float(np.sum(left**2))
+            gained += 0.5 * len(left) * np.log(max(before, TINY) / max(after, TINY))
+        return float(gained)
 
     def _in_full(self, named: Whole) -> Whole:
         """A linear cause with more of its law, if that pays for its parameters: Schwarz (1978), independent samples."""
@@ -209,10 +234,14 @@ def _ranked(tried: Sequence[Whole]) -> tuple[Whole, ...]:
     ranking = sorted(tried, key=lambda w: -w.standing)
     for k in range(len(ranking) - 1):
         first, second = ranking[k : k + 2]
-        close = first.effect.rivals_with(second.effect) and second.standing >= LAW * first.standing
-        if close and second.likelihood > first.likelihood:
+        if _close(first, second) and second.likelihood > first.likelihood:
             ranking[k : k + 2] = second, first
     return tuple(ranking)
+
+
+def _close(first: Whole, second: Whole) -> bool:
+    """Whether two causes are rivals of which the second stands nearly as well."""
+    return first.effect.rivals_with(second.effect) and second.standing >= LAW * first.standing
 
 
 def _helped(panel: Panel, searches: Sequence[Search], whole: Whole, squares: FloatArray, after: FloatArray) -> IntArray:

@@ -1,6 +1,7 @@
 """Causes of the whole robot, told from what single joints might have."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import planar_arm
@@ -105,6 +106,43 @@ def test_small_errors_of_a_model_do_not_choose_between_a_delay_and_a_filter(stan
     payload = whole(Payload(None), 99.5, 104.0)
     assert _ranked([delay, lag])[0].effect.name == first
     assert _ranked([payload, lag])[0] is lag
+
+
+@pytest.mark.parametrize(
+    ("moving", "standing", "first"), [(2.0, 98.0, "filter-lag"), (-2.0, 98.0, "delay"), (2.0, 90.0, "delay")]
+)
+def test_motion_chooses_between_a_delay_and_a_filter(monkeypatch, moving, standing, first):
+    def whole(effect, standing):
+        return Whole(effect, np.zeros(1), np.zeros(1), np.zeros((1, 4)), standing, standing)
+
+    gains = {"delay": 10.0, "filter-lag": 10.0 + moving}
+    monkeypatch.setattr(_Judge, "_in_motion", lambda judge, one: gains[one.effect.name])
+    judge = _Judge(None, None, [], False, None)
+    effects = Payload(None), Delay(None), Delay(None), FilterLag(None)
+    payload, delay, late, lag = map(whole, effects, (120.0, 100.0, 99.0, standing))
+    found = judge._by_motion([payload, delay, late, lag])
+    assert found[0] is payload
+    assert found[1].effect.name == first
+    assert len(found) == 4
+    assert judge._by_motion([payload]) == [payload]
+
+
+@pytest.mark.parametrize("late", [True, False])
+def test_a_delay_and_a_filter_each_tell_their_own_logs_motion_best(arm, late):
+    def filtered(log):
+        pole = np.exp(-1.0 / (0.015 * planar_arm.RATE))
+        passes = [0.5 * (1.0 - pole)] * 2, [1.0, -pole]
+        return replace(log, current=lfilter(*passes, log.current, axis=0, zi=0.5 * (1.0 + pole) * log.current[:1])[0])
+
+    train = [planar_arm.delayed(log, 0.015) if late else filtered(log) for log in planar_arm.logs(arm, 1)]
+    model = baseline_model(arm, train)
+    panel = panel_of(model, train)
+    searches = [SimpleNamespace(problem=gap_of(model, panel, j).problem(panel)) for j in range(2)]
+    judge = _Judge(panel, survey_of(model, panel), searches, False, None)
+    delay = Whole(Delay(None), np.array([0.015]), np.array([0.015]), np.zeros((2, 4)), 100.0, 100.0)
+    lag = Whole(FilterLag(None), np.array([1.0 / (2.0 * np.pi * 0.015)]), np.ones(1), np.zeros((2, 4)), 101.0, 100.0)
+    assert judge._by_motion([lag, delay])[0].effect.name == ("delay" if late else "filter-lag")
+    assert judge._by_motion([delay, lag])[0].effect.name == ("delay" if late else "filter-lag")
 
 
 @pytest.mark.parametrize(
