@@ -60,7 +60,7 @@ def test_stamps_that_jitter_are_warned_of(logs):
 
 
 def test_a_log_that_is_given_twice_is_warned_of(logs):
-    copy = logs[0].replace(name="copy")
+    copy = logs[0].replace(t=logs[0].t + 60.0, name="copy")
     assert set_warnings(logs[:1], [copy]) == ["copy is the same log as log1: its errors say nothing of other logs."]
     assert set_warnings([logs[0], copy], []) == ["copy is the same log as log1: what it says counts twice."]
 
