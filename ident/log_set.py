@@ -67,25 +67,29 @@ def facts_of(source: LogSource) -> LogFacts:
 
     Args:
         source: the log.
+
+    Raises:
+        InputError: it has no rows.
     """
-    lows, highs, squares, rows, steps, head = [], [], [], 0, [], None
+    first: JointLog | None = None
+    lows, highs, squares, steps = [], [], [], []
+    rows = 0
     for block in source.blocks(ROWS):
-        head = block if head is None else head
+        first = block if first is None else first
         both = np.stack([block.q, block.current])
         lows.append(both.min(axis=1))
         highs.append(both.max(axis=1))
         squares.append(np.sum(block.current**2, axis=0))
         rows += len(block)
         steps.append(np.diff(block.t)[np.diff(block.segment) == 0])
-    assert head is not None
+    if first is None:
+        raise InputError("no rows", path_of(source), "give a log with at least one sample")
     ways, spans = np.max(highs, axis=0) - np.min(lows, axis=0)
     every = np.concatenate(steps)
-    if len(every) == 0:
-        return LogFacts(source, ways, spans, np.sqrt(np.sum(squares, axis=0) / rows), 0.0, (np.nan,) * 3, head)
-    usual = float(np.median(every))
-    uneven = float(np.mean(np.abs(every - usual) > AROUND * usual))
-    ends = float(every.min()), usual, float(every.max())
-    return LogFacts(source, ways, spans, np.sqrt(np.sum(squares, axis=0) / rows), uneven, ends, head)
+    low, usual, high = np.quantile(every, (0.0, 0.5, 1.0)).tolist() if len(every) > 0 else [np.nan] * 3
+    uneven = float(np.sum(np.abs(every - usual) > AROUND * usual) / max(len(every), 1))
+    rms = np.sqrt(np.sum(squares, axis=0) / rows)
+    return LogFacts(source, ways, spans, rms, uneven, (low, usual, high), first)
 
 
 def check_together(train: Sequence[LogSource]) -> None:
@@ -97,9 +101,9 @@ def check_together(train: Sequence[LogSource]) -> None:
     Raises:
         InputError: which column or log, and how to mend it.
     """
-    known = [facts_of(source) for source in train]
-    if not known:
+    if not train:
         return
+    known = [facts_of(source) for source in train]
     moves, spans = (np.max([getattr(one, key) for one in known], axis=0) for key in ("ways", "spans"))
     dead = np.flatnonzero((spans == 0.0) & (moves > MOVES))
     if len(dead):

@@ -58,13 +58,13 @@ def load_model(folder: str | Path, robot: Robot) -> CurrentModel:
     """Read a model that ``save_model`` wrote.
 
     Args:
-        folder: that holds model.json, as identify and gap write it.
+        folder: that holds model.json, as identify and gap write it, or that file.
         robot: that the model was identified of.
 
     Raises:
         InputError: there is no model, it cannot be read, or it belongs to another robot.
     """
-    path = Path(folder) / FILE
+    path = Path(folder) if Path(folder).name == FILE else Path(folder) / FILE
     try:
         content = json.loads(path.read_text())
     except OSError as error:
@@ -74,10 +74,11 @@ def load_model(folder: str | Path, robot: Robot) -> CurrentModel:
     if not isinstance(content, dict):
         raise InputError("not a model file (no table)", str(path), "identify again")
     for key, here in (("joints", list(robot.joints)), ("unit", robot.unit)):
-        if content.get(key) != here:
-            raise InputError(
-                f"the model's {key} {content.get(key)} are not the robot's {here}", str(path), "give this robot's model"
-            )
+        there = content.get(key, "(none)")
+        if there != here:
+            are = "are" if key == "joints" else "is"
+            what = f"the model's {key} {there} {are} not the robot's {here}"
+            raise InputError(what, str(path), "give this robot's model")
     try:
         _check_origins(robot, content, path)
         return CurrentModel(

@@ -90,7 +90,10 @@ def _locate(path: Path, header: list[str], delimiter: str, columns: Columns, rea
             row += 1
             if len(cells) != len(header):
                 what = f"{len(cells)} values where the header names {len(header)} columns"
-                return InputError(what, f"{path} row {row}", "repair or remove the row (is the file cut off?)")
+                why = (
+                    "is the file cut off?" if len(cells) < len(header) else "a decimal comma, or a delimiter too many?"
+                )
+                return InputError(what, f"{path} row {row}", f"repair or remove the row ({why})")
             for k, name in wanted:
                 if _number(cells[k]) is None and cells[k].strip() not in EMPTY:
                     what = f"{name} = {cells[k][:40]!r} is not a number"

@@ -139,7 +139,7 @@ def spoilt(tmp_path, model, change):
     ("change", "message"),
     [
         (lambda c: c.update(joints=["a"] * 6), "the model's joints"),
-        (lambda c: c.update(unit="A"), "the model's unit A are not the robot's %Use"),
+        (lambda c: c.update(unit="A"), "the model's unit A is not the robot's %Use"),
         (lambda c: c["terms"][7].update(effect="witchcraft"), "unknown effect 'witchcraft'"),
         (lambda c: c["terms"][0]["coefficients"].pop(), "do not fit the robot's URDF"),
         (lambda c: c["terms"][7]["shape"].append({"name": "span", "value": 1.0, "std": None}), "another version's law"),
