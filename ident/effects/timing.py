@@ -11,55 +11,12 @@ import numpy as np
 from ident.arrays import BoolArray, FloatArray
 from ident.compiled import compiled
 from ident.effects.base import Coefficient, Context, Effect, Shape
-from ident.effects.direction import built_up
 from ident.effects.survey import Survey
+from ident.effects.turning import MOST_JOINTS, PARTS, Turning, turned
 from ident.errors import InputError
 
 if TYPE_CHECKING:
     from ident.robot import Robot
-
-
-@dataclass(frozen=True, eq=False)
-class Turning:
-    """Dry friction that turns, or builds up, between samples: the velocity runs straight from one to the next.
-
-    Attributes:
-        velocity: velocities (N, k) seen.
-        dry: its force (k,).
-        turns: speeds (k,) over which it turns [rad/s or m/s].
-        presliding, exponent: displacements (k,) over which it builds up instead [rad or m], or nought, and exponents.
-    """
-
-    velocity: FloatArray
-    dry: FloatArray
-    turns: FloatArray
-    presliding: FloatArray
-    exponent: FloatArray
-
-    def directions(self, t: FloatArray, known: BoolArray, memory: FloatArray) -> FloatArray:
-        """Return its directions (N, k) at the samples, from -1 to 1.
-
-        Args:
-            t: stamps (N,) [s].
-            known: samples (N,) that count; others are passed over.
-            memory: last stamp, velocities and directions, brought up to date; the stamp is not known before the first.
-        """
-        if not self.dry.any():
-            return np.zeros_like(self.velocity)
-        return _directions(t, self.velocity, known, self.turns, self.presliding, self.exponent, memory)
-
-    def force_at(self, then: FloatArray, t: FloatArray, directions: FloatArray) -> FloatArray:
-        """Return its force (M, k) at any instants.
-
-        Args:
-            then: the instants (M,) [s].
-            t: stamps (N,) of the samples [s].
-            directions: its directions (N, k) there.
-        """
-        if not self.dry.any():
-            return np.zeros((len(then), len(self.dry)))
-        laws = self.turns, self.presliding, self.exponent
-        return np.where(self.dry > 0.0, self.dry * _directions_at(then, t, self.velocity, directions, *laws), 0.0)
 
 
 @dataclass(frozen=True)
@@ -132,20 +89,14 @@ class Timing(Effect):
         """Return the seconds by which the current comes late in slow motion."""
 
 
-MOST_JOINTS = 32
-"""Joints for which the memory has room."""
-
 SAMPLES = 512
 """Samples of the past that a delay remembers."""
-
-PARTS = 10
-"""Parts of a sample in which friction that turns is followed."""
 
 TURNS_MORE = 1e-3
 """Change of its direction from one sample to the next from which on it is."""
 
-SLIPS = 1.0 - 1e-6
-"""Direction from which on friction has built up."""
+DAMPING = 0.5**0.5
+"""Damping ratio of Butterworth's filter of second order."""
 
 
 @dataclass(frozen=True)
@@ -206,7 +157,13 @@ class Delay(Timing):
 
 @dataclass(frozen=True)
 class FilterLag(Timing):
-    """A current that passes a first-order low pass before it is logged."""
+    """A current that passes a low pass before it is logged: of first order, or of second (Butterworth 1930).
+
+    Attributes:
+        order: of the filter, 1 or 2.
+    """
+
+    order: int = 1
 
     name = "filter-lag"
     family = "timing"
@@ -219,6 +176,12 @@ class FilterLag(Timing):
         """Return the corner frequency."""
         return (Shape("hertz", "Hz", 0.2, 400.0, (8.0, 1.0, 3.0, 20.0, 50.0, 140.0)),)
 
+    @classmethod
+    def candidates(cls, survey: Survey, joint: int | None) -> list[Effect]:
+        """Try it with either order."""
+        first = super().candidates(survey, joint)
+        return [*first, *(replace(one, order=2) for one in first if isinstance(one, cls))]
+
     def coefficients(self, robot: Robot) -> tuple[Coefficient, ...]:
         """Return the share of the current that passes the filter; one for a plain low pass."""
         return (Coefficient("share", "1", lower=0.0),)
@@ -228,21 +191,22 @@ class FilterLag(Timing):
         return np.ones(1)
 
     def lateness(self, shape: FloatArray, coefficients: FloatArray) -> float:
-        """Return the share that passes the filter of its time constant."""
-        return float(coefficients[0] / (2.0 * np.pi * shape[0]))
+        """Return the share that passes of the filter's lag."""
+        return float(coefficients[0] * (1.0 if self.order == 1 else 2.0 * DAMPING) / (2.0 * np.pi * shape[0]))
 
     def start(self) -> FloatArray:
-        """Return the last time, not known before the first sample, values, input, velocities and directions."""
-        return np.append(np.nan, np.zeros(4 * MOST_JOINTS))
+        """Return the last time, not known before the first sample, values, input, velocities, directions and rates."""
+        return np.append(np.nan, np.zeros(5 * MOST_JOINTS))
 
     def columns(self, context: Context, shape: FloatArray, memory: FloatArray) -> FloatArray:
         """Return the low pass of the total less the total."""
         signal, turning = self.signal(context), self.turning(context)
         t, known = np.ascontiguousarray(context.motion.t), _known(signal, turning)
-        last = np.append(memory[:1], memory[1 + 2 * MOST_JOINTS :])
+        last = np.append(memory[:1], memory[1 + 2 * MOST_JOINTS : 1 + 4 * MOST_JOINTS])
         directions = turning.directions(t, known, last)
         laws = turning.dry, turning.turns, turning.presliding, turning.exponent
-        lag = _low_pass(t, signal, turning.velocity, directions, known, *laws, float(shape[0]), memory) - signal
+        turned = turning.velocity, directions, known, *laws
+        lag = _low_pass(t, signal, *turned, float(shape[0]), self.order, memory) - signal
         return lag if self.joint is not None else lag[:, :, None]
 
 
@@ -271,84 +235,32 @@ def _mean_rate(t: FloatArray, x: FloatArray, turning: Turning, span: float, memo
 
 
 @compiled
-def _turned(
-    before: float, start: float, end: float, first: float, last: float, step: float,
-    turns: float, presliding: float, exponent: float,
-) -> float:  # fmt: skip
-    """Direction at a share of the way from one sample to the next, from that at another; velocities at both samples."""
-    if presliding <= 0.0:
-        return float(np.tanh((first + end * (last - first)) / turns))
-    speed = first + 0.5 * (start + end) * (last - first)
-    return built_up(before, speed * (end - start) * step, presliding, exponent)
+def _second_order(late: float, rise: float, last: float, now: float, past: float) -> tuple[float, float]:
+    """Butterworth's low pass over a time in which its input runs straight from the last to now.
 
-
-@compiled
-def _directions(
-    t: FloatArray, velocity: FloatArray, known: BoolArray, turns: FloatArray, presliding: FloatArray,
-    exponent: FloatArray, memory: FloatArray,
-) -> FloatArray:  # fmt: skip
-    """See `Turning.directions`."""
-    rows, joints = velocity.shape
-    out = np.zeros((rows, joints))
-    speeds, states = memory[1:], memory[1 + MOST_JOINTS :]
-    for k in range(rows):
-        if known[k]:
-            step = 0.0 if np.isnan(memory[0]) else t[k] - memory[0]
-            for j in range(joints):
-                first, now = speeds[j] if step > 0.0 else velocity[k, j], velocity[k, j]
-                slips = min(first * states[j], now * states[j]) > 0.0 and abs(states[j]) > SLIPS
-                parts = 1 if slips or presliding[j] <= 0.0 else PARTS
-                for part in range(parts):
-                    states[j] = _turned(
-                        states[j], part / parts, (part + 1) / parts, first, now, step,
-                        turns[j], presliding[j], exponent[j],
-                    )  # fmt: skip
-                speeds[j] = now
-            memory[0] = t[k]
-        out[k] = states[:joints]
-    return out
-
-
-@compiled
-def _directions_at(
-    then: FloatArray, t: FloatArray, velocity: FloatArray, directions: FloatArray,
-    turns: FloatArray, presliding: FloatArray, exponent: FloatArray,
-) -> FloatArray:  # fmt: skip
-    """See `Turning.force_at`; at the ends directions stay as they are."""
-    joints = velocity.shape[1]
-    out = np.empty((len(then), joints))
-    for m, after in enumerate(np.searchsorted(t, then)):
-        if after == 0 or after == len(t):
-            out[m] = directions[min(after, len(t) - 1)]
-            continue
-        step = t[after] - t[after - 1]
-        way = (then[m] - t[after - 1]) / step
-        for j in range(joints):
-            first, last, state = velocity[after - 1, j], velocity[after, j], directions[after - 1, j]
-            start = 0.0
-            while start < way:
-                end = min(start + 1.0 / PARTS, way)
-                if presliding[j] <= 0.0:
-                    end = way
-                state = _turned(state, start, end, first, last, step, turns[j], presliding[j], exponent[j])
-                start = end
-            out[m, j] = state
-    return out
+    Times are counted in radians of its corner, of which so many are past; ``rise`` is how fast its value grows.
+    """
+    slope = (now - last) / past
+    off, faster = late - last + 2.0 * DAMPING * slope, rise - slope
+    swing, fade = np.sqrt(1.0 - DAMPING**2), np.exp(-DAMPING * past)
+    sine, cosine = np.sin(swing * past) / swing, np.cos(swing * past)
+    after = now - 2.0 * DAMPING * slope + fade * (off * cosine + (faster + DAMPING * off) * sine)
+    return after, slope + fade * (faster * cosine - (DAMPING * faster + off) * sine)
 
 
 @compiled
 def _low_pass(
     t: FloatArray, x: FloatArray, velocity: FloatArray, directions: FloatArray, known: BoolArray, dry: FloatArray,
-    turns: FloatArray, presliding: FloatArray, exponent: FloatArray, hertz: float, memory: FloatArray,
+    turns: FloatArray, presliding: FloatArray, exponent: FloatArray, hertz: float, order: int, memory: FloatArray,
 ) -> FloatArray:  # fmt: skip
-    """First-order low pass of what runs straight between samples, but for friction that turns; settled at the first.
+    """Low pass of what runs straight between samples, but for friction that turns; settled at the first.
 
     It is exact but for that friction, which is followed in parts of the sample in which it turns. Samples of which an
     input is not known are passed over.
     """
     joints, rate = x.shape[1], 2.0 * np.pi * hertz
     values, inputs, speeds = memory[1:], memory[1 + MOST_JOINTS :], memory[1 + 2 * MOST_JOINTS :]
-    states = memory[1 + 3 * MOST_JOINTS :]
+    states, rises = memory[1 + 3 * MOST_JOINTS :], memory[1 + 4 * MOST_JOINTS :]
     out = np.empty_like(x)
     for k in range(len(t)):
         if not known[k]:
@@ -359,26 +271,29 @@ def _low_pass(
         for j in range(joints):
             if not begun:
                 values[j], inputs[j], speeds[j], states[j] = x[k, j], x[k, j], velocity[k, j], directions[k, j]
+                rises[j] = 0.0
             before, after = states[j], directions[k, j]
             parts = PARTS if dry[j] > 0.0 and abs(after - before) > TURNS_MORE else 1
-            kept, held = 0.0, 0.0
-            if step > 0.0:
-                past = rate * step / parts
+            kept, held, past = 0.0, 0.0, rate * step / parts
+            if order == 1 and step > 0.0:
                 kept = np.exp(-past)
                 held = (1.0 - kept) / past
-            late, last, state = values[j], inputs[j], before
+            late, rise, last, state = values[j], rises[j], inputs[j], before
             for part in range(1, parts + 1):
                 share = part / parts
                 now = inputs[j] + share * (x[k, j] - inputs[j])
                 if part < parts:
-                    state = _turned(
+                    state = turned(
                         state, share - 1.0 / parts, share, speeds[j], velocity[k, j], step,
                         turns[j], presliding[j], exponent[j],
                     )  # fmt: skip
                     now += dry[j] * (state - before - share * (after - before))
-                late = kept * late + (1.0 - held) * now + (held - kept) * last
+                if order == 1:
+                    late = kept * late + (1.0 - held) * now + (held - kept) * last
+                elif step > 0.0:
+                    late, rise = _second_order(late, rise, last, now, past)
                 last = now
             out[k, j] = late
-            values[j], inputs[j], speeds[j], states[j] = late, x[k, j], velocity[k, j], after
+            values[j], inputs[j], speeds[j], states[j], rises[j] = late, x[k, j], velocity[k, j], after, rise
         memory[0] = t[k]
     return out

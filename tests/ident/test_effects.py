@@ -106,6 +106,8 @@ VARIANTS = (
     Delay(None, dry=(2.0,) * 6, turns=(2e-3,) * 6),
     FilterLag(1, dry=(2.0,), turns=(2e-3,)),
     FilterLag(None, dry=(2.0,) * 6, turns=(2e-3,) * 6),
+    FilterLag(1, order=2),
+    FilterLag(None, dry=(2.0,) * 6, turns=(2e-3,) * 6, order=2),
 )
 
 

@@ -175,18 +175,27 @@ def test_a_cause_beside_which_much_has_a_memory_leaves_too_much(arm, size, exhau
     assert _exhausts(panel, survey_of(model, panel), gap_of(model, panel, 1).problem(panel), whole, 1) == exhausted
 
 
+def passed(log, order, hertz):
+    """The log with its currents through Butterworth's filter."""
+    passes = butter(order, hertz, fs=planar_arm.RATE)
+    settled = lfilter_zi(*passes)[:, None] * log.current[0]
+    return replace(log, current=lfilter(*passes, log.current, axis=0, zi=settled)[0])
+
+
 def test_all_of_the_current_comes_late_where_that_explains_nearly_as_much(arm):
-    # A filter of second order, as the catalogue has none: a longer delay of less of the current is a little nearer.
-    passes = butter(2, 12.0, fs=100.0)
-
-    def filtered(log):
-        settled = lfilter_zi(*passes)[:, None] * log.current[0]
-        return replace(log, current=lfilter(*passes, log.current, axis=0, zi=settled)[0])
-
-    train = [filtered(planar_arm.record(arm, seed)) for seed in (1, 2, 3)]
+    # A filter of fourth order, as the catalogue has none: a longer delay of less of the current is a little nearer.
+    train = [passed(planar_arm.record(arm, seed), 4, 18.0) for seed in (1, 2, 3)]
     (late,) = find_gap(baseline_model(arm, train), train).findings
     assert (late.effect, late.joints) == ("delay", ())
     assert late.parameters["seconds"] == pytest.approx(late.parameters["span"], rel=0.1)
+
+
+def test_a_filter_of_second_order_is_no_delay(arm):
+    train = [passed(planar_arm.record(arm, seed), 2, 12.0) for seed in (1, 2, 3)]
+    (late,) = find_gap(baseline_model(arm, train), train).findings
+    assert (late.effect, late.joints) == ("filter-lag", ())
+    assert late.parameters["hertz"] == pytest.approx(12.0, rel=0.05)
+    assert late.parameters["share"] == pytest.approx(1.0, abs=0.05)
 
 
 @pytest.mark.parametrize(("helped", "is_rival"), [([0, 1], True), ([0, 1, 2], False)])

@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.signal import butter, lsim, tf2ss
 
 from ident.effects.base import Context
 from ident.effects.timing import Delay, FilterLag
@@ -42,6 +43,21 @@ def test_a_filter_delays_a_ramp_by_its_time_constant_at_any_rate(vs060):
         assert lag[-1] == pytest.approx(-3.0 / (2.0 * np.pi * 20.0), rel=1e-6)
 
 
+def test_a_filter_of_second_order_is_butterworths(vs060, rng):
+    t = np.arange(300) * 0.01
+    total = np.cumsum(rng.standard_normal((300, 6)), axis=0)
+    context = Context(vs060, Motion(t, total, total, total), total=total)
+    lag = FilterLag(None, order=2)
+    found = total + lag.columns(context, np.array([12.0]), lag.start())[:, :, 0]
+    system = tf2ss(*butter(2, 2.0 * np.pi * 12.0, analog=True))
+    for j in range(6):
+        settled = np.linalg.solve(-system[0], system[1][:, 0]) * total[0, j]
+        np.testing.assert_allclose(found[:, j], lsim(system, total[:, j], t, X0=settled)[1], atol=1e-9)
+    ramp = Context(vs060, Motion(t, total, total, total), total=np.tile(3.0 * t[:, None], 6))
+    behind = lag.columns(ramp, np.array([12.0]), lag.start())[-1, 0, 0]
+    assert behind == pytest.approx(-3.0 * lag.lateness(np.array([12.0]), np.ones(1)), rel=1e-6)
+
+
 def test_steps_of_dry_friction_come_late_within_a_sample(vs060, swinging):
     """A joint turns round between two samples: whether the one after sees it, a straight line would say by halves."""
     fine, every, late = swinging(40.0, 1000.0), 20, 0.007
@@ -63,7 +79,8 @@ def test_steps_of_dry_friction_come_late_within_a_sample(vs060, swinging):
     assert left(steps) < 0.2 * left(plain)
 
 
-def test_a_filter_follows_steps_of_dry_friction_within_a_sample(vs060, swinging):
+@pytest.mark.parametrize("order", [1, 2])
+def test_a_filter_follows_steps_of_dry_friction_within_a_sample(vs060, swinging, order):
     fine, every = swinging(40.0, 1000.0), 20
     dry, turns = (3.0,) * 6, (1e-4,) * 6
 
@@ -72,9 +89,9 @@ def test_a_filter_follows_steps_of_dry_friction_within_a_sample(vs060, swinging)
         return lag.columns(context, np.array([25.0]), lag.start())[:, :, 0]
 
     total = np.cos(fine.q) + 3.0 * np.tanh(fine.dq / 1e-4)
-    true = left(FilterLag(None), slice(None), total)[::every]
+    true = left(FilterLag(None, order=order), slice(None), total)[::every]
     straight, steps = (
         np.sqrt(np.mean((left(lag, slice(None, None, every), total[::every]) - true) ** 2))
-        for lag in (FilterLag(None), FilterLag(None, dry, turns))
+        for lag in (FilterLag(None, order=order), FilterLag(None, dry, turns, order=order))
     )
     assert steps < 0.2 * straight
