@@ -84,6 +84,11 @@ class Timing(Effect):
         laws = self.dry, self.turns, self.presliding, self.presliding_exponent
         return Turning(np.ascontiguousarray(velocity), *(np.array(law) if law else np.zeros(joints) for law in laws))
 
+    @property
+    def counts_as(self) -> int:
+        """How many parameters the law stands for: one, and one more for each order beyond the first."""
+        return 1
+
     @abstractmethod
     def lateness(self, shape: FloatArray, coefficients: FloatArray) -> float:
         """Return the seconds by which the current comes late in slow motion."""
@@ -172,15 +177,20 @@ class FilterLag(Timing):
     excitation = "quick changes of current next to plateaus of constant speed"
 
     @property
+    def counts_as(self) -> int:
+        """Its order."""
+        return self.order
+
+    @property
     def shapes(self) -> tuple[Shape, ...]:
         """Return the corner frequency."""
         return (Shape("hertz", "Hz", 0.2, 400.0, (8.0, 1.0, 3.0, 20.0, 50.0, 140.0)),)
 
     @classmethod
     def candidates(cls, survey: Survey, joint: int | None) -> list[Effect]:
-        """Try it with either order."""
+        """Try it with either order on the whole robot; one joint seldom tells it from a delay."""
         first = super().candidates(survey, joint)
-        return [*first, *(replace(one, order=2) for one in first if isinstance(one, cls))]
+        return [*first, *(replace(one, order=2) for one in first if isinstance(one, cls) and joint is None)]
 
     def coefficients(self, robot: Robot) -> tuple[Coefficient, ...]:
         """Return the share of the current that passes the filter; one for a plain low pass."""

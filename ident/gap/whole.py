@@ -11,6 +11,7 @@ import numpy as np
 from ident.arrays import BoolArray, FloatArray, IntArray
 from ident.effects.base import Effect
 from ident.effects.survey import Survey
+from ident.effects.timing import Timing
 from ident.gap.abstain import explainable
 from ident.gap.agreement import IN_TIME, Predicted, agrees_at_any_pace
 from ident.gap.belief import CERTAIN, ENOUGH, remembered_of
@@ -150,27 +151,32 @@ class _Judge:
         return None
 
     def _by_motion(self, ranking: Sequence[Whole]) -> list[Whole]:
-        """The ranking, but of rivals that say when the current comes the one first that tells motion best, by its law.
+        """The ranking, but of laws of when the current comes the one first that tells motion best.
 
         Which way a joint that stands is about to move is noise, which a filter takes away from its dry friction.
         """
-        timing = [whole for whole in ranking if whole.effect.family == "timing"]
-        rivals = [other for other in timing if _close(timing[0], other)]
-        if not rivals:
+        timing = [(whole, whole.effect) for whole in ranking if isinstance(whole.effect, Timing)]
+        near = [(one, effect) for one, effect in timing if one.standing >= LAW * timing[0][0].standing]
+        if len(near) < 2:
             return list(ranking)
-        best, place = max([timing[0], *rivals], key=self._in_motion), ranking.index(timing[0])
+        best, _ = max(near, key=lambda pair: self._in_motion(pair[0], pair[1].counts_as))
+        place = ranking.index(timing[0][0])
         return [*ranking[:place], best, *(whole for whole in ranking[place:] if whole is not best)]
 
-    def _in_motion(self, whole: Whole) -> float:
-        """Gain in log-likelihood of what a cause, by its law if that is near, explains of rows in which joints move."""
+    def _in_motion(self, whole: Whole, parameters: int) -> float:
+        """Gain in log-likelihood, in independent samples of rows in which joints move, less the price of parameters.
+
+        Of the shape that the law means, if that is near: Schwarz (1978).
+        """
         law = whole if whole.law is None else whole.law
-        gained = 0.0
+        times, gained, samples = self._times(law), 0.0, 0.0
         for j, problem in enumerate(self.problems):
             moving = classes_of(self.panel, problem, j) >= MOVING
             left = _left(self.panel, problem, law, j)[moving]
             before, after = float(np.sum(problem.residual[moving] ** 2)), float(np.sum(left**2))
-            gained += 0.5 * len(left) * np.log(max(before, TINY) / max(after, TINY))
-        return float(gained)
+            gained += 0.5 * len(left) * np.log(max(before, TINY) / max(after, TINY)) / times[j]
+            samples += len(left) / times[j]
+        return float(gained - PRICE * 0.5 * parameters * np.log(max(samples, 2.0)))
 
     def _in_full(self, named: Whole) -> Whole:
         """A linear cause with more of its law, if that pays for its parameters: Schwarz (1978), independent samples."""
@@ -234,14 +240,10 @@ def _ranked(tried: Sequence[Whole]) -> tuple[Whole, ...]:
     ranking = sorted(tried, key=lambda w: -w.standing)
     for k in range(len(ranking) - 1):
         first, second = ranking[k : k + 2]
-        if _close(first, second) and second.likelihood > first.likelihood:
+        close = first.effect.rivals_with(second.effect) and second.standing >= LAW * first.standing
+        if close and second.likelihood > first.likelihood:
             ranking[k : k + 2] = second, first
     return tuple(ranking)
-
-
-def _close(first: Whole, second: Whole) -> bool:
-    """Whether two causes are rivals of which the second stands nearly as well."""
-    return first.effect.rivals_with(second.effect) and second.standing >= LAW * first.standing
 
 
 def _helped(panel: Panel, searches: Sequence[Search], whole: Whole, squares: FloatArray, after: FloatArray) -> IntArray:

@@ -116,7 +116,7 @@ def test_motion_chooses_between_a_delay_and_a_filter(monkeypatch, moving, standi
         return Whole(effect, np.zeros(1), np.zeros(1), np.zeros((1, 4)), standing, standing)
 
     gains = {"delay": 10.0, "filter-lag": 10.0 + moving}
-    monkeypatch.setattr(_Judge, "_in_motion", lambda judge, one: gains[one.effect.name])
+    monkeypatch.setattr(_Judge, "_in_motion", lambda judge, one, parameters: gains[one.effect.name])
     judge = _Judge(None, None, [], False, None)
     effects = Payload(None), Delay(None), Delay(None), FilterLag(None)
     payload, delay, late, lag = map(whole, effects, (120.0, 100.0, 99.0, standing))
