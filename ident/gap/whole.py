@@ -164,19 +164,21 @@ class _Judge:
         return [*ranking[:place], best, *(whole for whole in ranking[place:] if whole is not best)]
 
     def _in_motion(self, whole: Whole, parameters: int) -> float:
-        """Gain in log-likelihood, in independent samples of rows in which joints move, less the price of parameters.
+        """Gain in log-likelihood of what a cause explains of rows in which joints move, less the price of parameters.
 
-        Of the shape that the law means, if that is near: Schwarz (1978).
+        By the shape that its law means, if that is near, and Schwarz (1978); a sample is as long as what is left is
+        like itself.
         """
         law = whole if whole.law is None else whole.law
-        times, gained, samples = self._times(law), 0.0, 0.0
+        gained, rows = 0.0, 0
         for j, problem in enumerate(self.problems):
             moving = classes_of(self.panel, problem, j) >= MOVING
             left = _left(self.panel, problem, law, j)[moving]
             before, after = float(np.sum(problem.residual[moving] ** 2)), float(np.sum(left**2))
-            gained += 0.5 * len(left) * np.log(max(before, TINY) / max(after, TINY)) / times[j]
-            samples += len(left) / times[j]
-        return float(gained - PRICE * 0.5 * parameters * np.log(max(samples, 2.0)))
+            gained += 0.5 * len(left) * np.log(max(before, TINY) / max(after, TINY))
+            rows += len(left)
+        time = float(self._times(law).mean())
+        return float(gained - PRICE * 0.5 * parameters * time * np.log(max(rows / time, 2.0)))
 
     def _in_full(self, named: Whole) -> Whole:
         """A linear cause with more of its law, if that pays for its parameters: Schwarz (1978), independent samples."""
