@@ -51,7 +51,7 @@ def test_a_few_joints_that_differ_are_no_other_unit(model, recorded):
 def test_one_log_of_another_unit_is_refused_by_all_that_learns(vs060, model, recorded):
     logs = [recorded(seed=2), recorded(seed=3)]
     logs[1] = logs[1].replace(current=1e3 * logs[1].current)
-    with pytest.raises(InputError, match="times what the model predicts"):
+    with pytest.raises(InputError, match=r"currents are .* times those of .*, give all logs in one unit"):
         identify(vs060, logs, effects=["coulomb", "viscous"], cutoff=10.0)
     for train, test in (([logs[0]], [logs[1]]), ([logs[1]], [])):
         with pytest.raises(InputError, match="hold about 1e\\+03 times what the model predicts"):

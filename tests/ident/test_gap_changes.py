@@ -81,7 +81,7 @@ def test_what_a_model_may_err_by_is_no_change(arm):
     found = find_gap(model, now, refit=False)
     assert not found.findings
     assert not found.unexplained
-    assert "Joint 1 (a): 98% of the squared gap that is left lies within the errors" in found.warnings[0]
+    assert "Joint 1 (a): 98 % of the squared gap that is left lies within the errors" in found.warnings[0]
     assert np.nanmax(found.map_before.rms[0]) > 0.5  # the map shows it all the same
     assert found.noise_floor == pytest.approx(NOISE, rel=0.05)
     sure = replace(model, terms=tuple(replace(term, errors=np.zeros((0, 0))) for term in model.terms))

@@ -41,7 +41,7 @@ def test_of_logs_sampled_faster_fewer_rows_are_looked_at(arm):
 
 def test_logs_too_short_for_a_model_that_is_held_fixed_are_refused(arm):
     model = baseline_model(arm, logs(arm, 1))
-    with pytest.raises(InputError, match="too few rows"):
+    with pytest.raises(InputError, match="no row to learn from"):
         find_gap(model, [logs(arm, 4)[0][:8]], refit=False)
 
 
