@@ -14,7 +14,7 @@ from ident.effects.survey import Survey
 from ident.effects.timing import Timing
 from ident.gap.abstain import explainable
 from ident.gap.agreement import IN_TIME, Predicted, agrees_at_any_pace
-from ident.gap.belief import CERTAIN, ENOUGH, remembered_of
+from ident.gap.belief import CERTAIN, ENOUGH, MOST, remembered_of
 from ident.gap.candidates import Trial, forms, within_bounds
 from ident.gap.gate import MOVING
 from ident.gap.joint_gap import classes_of
@@ -137,7 +137,7 @@ class _Judge:
             gains = _gains(self._squares, after)
             # In every fold the joints together must gain: where some move little, others bear it out.
             repeats = falls(np.log(np.maximum(self.before, TINY) / np.maximum(best.held_out, TINY)).sum(axis=0))
-            if gains.min() < -GAIN or not repeats:
+            if gains.min() < -GAIN or not repeats or not _mostly(best):
                 continue
             helped = _helped(self.panel, self.searches, best, self._squares, after)
             explained = likelihoods(self.problems, self._squares, after)
@@ -246,6 +246,12 @@ def _ranked(tried: Sequence[Whole]) -> tuple[Whole, ...]:
         if close and second.likelihood > first.likelihood:
             ranking[k : k + 2] = second, first
     return tuple(ranking)
+
+
+def _mostly(whole: Whole) -> bool:
+    """Whether at least half of what a law means is there, as of a current that passes a filter."""
+    meant = whole.effect.plain(whole.shape)
+    return whole.law is not None or meant is None or bool(np.all(whole.coefficients > MOST * meant))
 
 
 def _helped(panel: Panel, searches: Sequence[Search], whole: Whole, squares: FloatArray, after: FloatArray) -> IntArray:

@@ -18,7 +18,7 @@ from ident.gap import baseline_model, find_gap
 from ident.gap.candidates import Trial
 from ident.gap.on_all import Whole
 from ident.gap.rows import gap_of, panel_of, survey_of
-from ident.gap.whole import _denied, _exhausts, _Judge, _ranked, _rivals, _stands_alone
+from ident.gap.whole import _denied, _exhausts, _Judge, _mostly, _ranked, _rivals, _stands_alone
 from ident.log import JointLog
 from ident.robot import load_robot
 
@@ -125,6 +125,13 @@ def test_motion_chooses_between_a_delay_and_a_filter(monkeypatch, moving, standi
     assert found[1].effect.name == first
     assert len(found) == 4
     assert judge._by_motion([payload]) == [payload]
+
+
+@pytest.mark.parametrize(("share", "there"), [(0.17, False), (0.9, True)])
+def test_most_of_the_current_passes_a_filter(share, there):
+    lag = Whole(FilterLag(None), np.array([2.7]), np.array([share]), np.zeros((6, 4)), 100.0, 90.0)
+    assert _mostly(lag) is there
+    assert _mostly(replace(lag, law=lag))
 
 
 @pytest.mark.parametrize("late", [True, False])
