@@ -11,6 +11,7 @@ import numpy as np
 from ident.arrays import BoolArray, FloatArray
 from ident.compiled import compiled
 from ident.effects.base import Coefficient, Context, Effect, Shape
+from ident.effects.second_order import followed
 from ident.effects.survey import Survey
 from ident.effects.turning import MOST_JOINTS, PARTS, Turning, turned
 from ident.errors import InputError
@@ -190,7 +191,9 @@ class FilterLag(Timing):
     def candidates(cls, survey: Survey, joint: int | None) -> list[Effect]:
         """Try it with either order on the whole robot; one joint seldom tells it from a delay."""
         first = super().candidates(survey, joint)
-        return [*first, *(replace(one, order=2) for one in first if isinstance(one, cls) and joint is None)]
+        if joint is not None:
+            return first
+        return [*first, *(replace(one, order=2) for one in first if isinstance(one, cls))]
 
     def coefficients(self, robot: Robot) -> tuple[Coefficient, ...]:
         """Return the share of the current that passes the filter; one for a plain low pass."""
@@ -214,9 +217,8 @@ class FilterLag(Timing):
         t, known = np.ascontiguousarray(context.motion.t), _known(signal, turning)
         last = np.append(memory[:1], memory[1 + 2 * MOST_JOINTS : 1 + 4 * MOST_JOINTS])
         directions = turning.directions(t, known, last)
-        laws = turning.dry, turning.turns, turning.presliding, turning.exponent
-        turned = turning.velocity, directions, known, *laws
-        lag = _low_pass(t, signal, *turned, float(shape[0]), self.order, memory) - signal
+        laws = turning.dry, turning.turns, turning.presliding, turning.exponent, float(shape[0]), self.order
+        lag = _low_pass(t, signal, turning.velocity, directions, known, *laws, memory) - signal
         return lag if self.joint is not None else lag[:, :, None]
 
 
@@ -242,20 +244,6 @@ def _mean_rate(t: FloatArray, x: FloatArray, turning: Turning, span: float, memo
     earlier = np.column_stack([np.interp(then, times, straight[:, j]) for j in range(joints)])
     rate: FloatArray = (x - earlier - past.force_at(then, times, directions)) / span
     return rate
-
-
-@compiled
-def _second_order(late: float, rise: float, last: float, now: float, past: float) -> tuple[float, float]:
-    """Butterworth's low pass over a time in which its input runs straight from the last to now.
-
-    Times are counted in radians of its corner, of which so many are past; ``rise`` is how fast its value grows.
-    """
-    slope = (now - last) / past
-    off, faster = late - last + 2.0 * DAMPING * slope, rise - slope
-    swing, fade = np.sqrt(1.0 - DAMPING**2), np.exp(-DAMPING * past)
-    sine, cosine = np.sin(swing * past) / swing, np.cos(swing * past)
-    after = now - 2.0 * DAMPING * slope + fade * (off * cosine + (faster + DAMPING * off) * sine)
-    return after, slope + fade * (faster * cosine - (DAMPING * faster + off) * sine)
 
 
 @compiled
@@ -301,7 +289,7 @@ def _low_pass(
                 if order == 1:
                     late = kept * late + (1.0 - held) * now + (held - kept) * last
                 elif step > 0.0:
-                    late, rise = _second_order(late, rise, last, now, past)
+                    late, rise = followed(late, rise, last, now, past, DAMPING)
                 last = now
             out[k, j] = late
             values[j], inputs[j], speeds[j], states[j], rises[j] = late, x[k, j], velocity[k, j], after, rise

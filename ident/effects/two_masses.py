@@ -8,6 +8,7 @@ from ident.arrays import FloatArray
 from ident.compiled import compiled
 from ident.effects.base import Context, Shape
 from ident.effects.direction import SMOOTHING
+from ident.effects.second_order import followed
 
 STEPS, BRAKED = 4.0, 4
 """Steps in which a radian of the link's ringing is integrated, and a sample at least where friction brakes the link."""
@@ -222,13 +223,9 @@ def swings(
         else:
             step, turn = t[k] - last, np.sqrt(square[k])
             speed = 0.0 if np.isnan(speed) else speed
-            slope, rest = (pull[k] - before) / step / turn**2, before / turn**2
-            late = 2.0 * damping / turn * slope
-            off, speed = ahead - rest + late, speed - slope
-            swing, fade = turn * np.sqrt(1.0 - damping**2), np.exp(-damping * turn * step)
-            sine, cosine = np.sin(swing * step), np.cos(swing * step)
-            ahead = rest + slope * step - late + fade * (off * cosine + (speed + damping * turn * off) / swing * sine)
-            speed = slope + fade * (speed * cosine - (damping * turn * speed + turn**2 * off) / swing * sine)
+            rest, needed = before / turn**2, pull[k] / turn**2
+            ahead, rise = followed(ahead, speed / turn, rest, needed, turn * step, damping)
+            speed = rise * turn
             onward[k] = pull[k] - 2.0 * damping * turn * speed - turn**2 * ahead
         place[k] = ahead
         before, last = pull[k], t[k]

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 import numpy as np
 
 from ident.arrays import FloatArray
+from ident.effects.base import Effect
 from ident.effects.survey import Survey
 from ident.gap.abstain import explainable
 from ident.gap.bursts import bursts
@@ -67,10 +68,13 @@ def believed(panel: Panel, survey: Survey, gap: JointGap, named: Sequence[Named]
 
 def _mostly(panel: Panel, gap: JointGap, one: Named, named: Sequence[Named]) -> bool:
     """Whether most of what a law means is there, as of a current that comes late or passes a filter."""
-    meant = one.effect.plain(one.trial.shape)
-    if meant is None:
-        return True
-    return bool(np.all(gap.coefficients_of(panel, one, named) > MOST * meant))
+    return mostly(one.effect, one.trial.shape, lambda: gap.coefficients_of(panel, one, named))
+
+
+def mostly(effect: Effect, shape: FloatArray, coefficients: Callable[[], FloatArray]) -> bool:
+    """Whether most of what a law means is there, if it means any coefficients; only then are they asked for."""
+    meant = effect.plain(shape)
+    return meant is None or bool(np.all(coefficients() > MOST * meant))
 
 
 def _allowed(panel: Panel, survey: Survey, gap: JointGap, named: list[Named]) -> float | None:

@@ -14,7 +14,7 @@ from ident.effects.survey import Survey
 from ident.effects.timing import Timing
 from ident.gap.abstain import explainable
 from ident.gap.agreement import IN_TIME, Predicted, agrees_at_any_pace
-from ident.gap.belief import CERTAIN, ENOUGH, MOST, remembered_of
+from ident.gap.belief import CERTAIN, ENOUGH, mostly, remembered_of
 from ident.gap.candidates import Trial, forms, within_bounds
 from ident.gap.gate import MOVING
 from ident.gap.joint_gap import classes_of
@@ -250,8 +250,7 @@ def _ranked(tried: Sequence[Whole]) -> tuple[Whole, ...]:
 
 def _mostly(whole: Whole) -> bool:
     """Whether at least half of what a law means is there, as of a current that passes a filter."""
-    meant = whole.effect.plain(whole.shape)
-    return whole.law is not None or meant is None or bool(np.all(whole.coefficients > MOST * meant))
+    return whole.law is not None or mostly(whole.effect, whole.shape, lambda: whole.coefficients)
 
 
 def _helped(panel: Panel, searches: Sequence[Search], whole: Whole, squares: FloatArray, after: FloatArray) -> IntArray:
