@@ -278,7 +278,7 @@ def fuller_trial(panel: Panel, gate: Gate, effect: Effect, plain: Sequence[Trial
     """
     more = [parameter.starts[0] for parameter in effect.shapes[len(plain[0].shape) :]]
     starts = []
-    for shape in (np.append(trial.shape, more) for trial in plain):
+    for shape in (np.append(trial.shape, more)[: len(effect.shapes)] for trial in plain):
         # Of some shapes fewer columns show.
         falls, statistics = gate.look([admissible(panel, gate.problem, effect, shape, joint)])
         starts.append(Trial(effect, shape, float(falls[0]), float(statistics[0])))

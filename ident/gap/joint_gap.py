@@ -21,6 +21,9 @@ PARTS = 3
 SCARCE = 0.25
 """Share of an even one below which a fold has too few rows: one of a joint that stands while others are moved."""
 
+HARDLY = 0.2
+"""Share of what all folds tell of an effect below which those without one hardly tell of it."""
+
 
 @dataclass(frozen=True, eq=False)
 class Named:
@@ -202,12 +205,37 @@ def gate_of(panel: Panel, problem: JointProblem, joint: int) -> Gate:
     return Gate(problem, starts_of(panel, problem), speed_of(panel, problem, joint))
 
 
-def nested_errors(panel: Panel, gap: JointGap, named: Sequence[Trial], trial: Trial) -> FloatArray:
-    """Squared residuals (folds,) of rows predicted from the others, which alone chose the effect's shape, too."""
+def nested_errors(panel: Panel, gap: JointGap, named: Sequence[Trial], trial: Trial) -> tuple[FloatArray, FloatArray]:
+    """Squared residuals (folds,) without and with an effect, of rows predicted from others that alone chose its shape.
+
+    Folds are the joint's, unless hardly more than one of them tells of the effect.
+    """
+    gap = _shared_out(panel, gap, named, trial)
     problem = gap.problem(panel, named)
     held_out = np.empty(len(problem.labels))
     for k, fold in enumerate(problem.labels):
         others = gap.without(gap.fold(panel) == fold).problem(panel, named)
         shape = best_shape(panel, others, trial, gap.joint).shape
         held_out[k] = problem.errors(admissible(panel, problem, trial.effect, shape, gap.joint)).held_out[k]
-    return held_out
+    return problem.errors().held_out, held_out
+
+
+def _shared_out(panel: Panel, gap: JointGap, named: Sequence[Trial], trial: Trial) -> JointGap:
+    """The joint's rows in folds of many parts of every log, where hardly more than one tells of a trial with a shape.
+
+    A robot warms up in one log: what others say of how it does is nothing.
+    """
+    if not trial.effect.shapes:
+        return gap
+    problem, fold = gap.problem(panel, named), gap.fold(panel)
+    columns = admissible(panel, problem, trial.effect, trial.shape, gap.joint)
+    force = np.zeros((len(panel), 1))
+    force[problem.keep] = columns @ problem.beyond(columns).coefficients[:, None]
+
+    def told(rows: JointProblem) -> float:
+        return float(np.sum(rows.away(rows.of(force)) ** 2))
+
+    others = min(told(gap.without(fold == k).problem(panel, named)) for k in problem.labels)
+    if others >= HARDLY * told(problem):
+        return gap
+    return replace(gap, parts=even_folds(panel.log, gap.keep, PARTS))

@@ -219,8 +219,8 @@ def _rattles(force: FloatArray, left: FloatArray, rest: BoolArray) -> bool:
 
 
 def _hunts(panel: Panel, left: FloatArray, rest: BoolArray) -> bool:
-    """Whether most of what rests hold swings, at one frequency."""
-    swings = _without_levels(panel, left, rest)
+    """Whether most of what rests hold swings about their means, at one frequency: a drive that hunts does."""
+    swings = np.where(rest, left - _levels(panel, left, rest), 0.0)
     if np.mean(swings[rest] ** 2) < SWINGS * np.mean(left[rest] ** 2):
         return False
     step = panel.step
@@ -232,11 +232,11 @@ def _hunts(panel: Panel, left: FloatArray, rest: BoolArray) -> bool:
     return bool(line[0] * lasts_for >= PERIODS)
 
 
-def _without_levels(panel: Panel, left: FloatArray, rest: BoolArray) -> FloatArray:
-    """What is left in rests (N,), without the mean of each: a drive that hunts is held by no friction."""
+def _levels(panel: Panel, left: FloatArray, rest: BoolArray) -> FloatArray:
+    """The mean of what is left (N,) in the rest that each row is of; of all motion where it is of none."""
     number = _numbered(panel, rest)
-    level = np.bincount(number, left) / np.maximum(np.bincount(number), 1)
-    return np.where(rest, left - level[number], 0.0)
+    level: FloatArray = np.bincount(number, left) / np.maximum(np.bincount(number), 1)
+    return level[number]
 
 
 def _numbered(panel: Panel, rest: BoolArray) -> IntArray:
@@ -268,9 +268,17 @@ def _told(panel: Panel, survey: Survey, gap: JointGap, rest: BoolArray, usual: f
         searched = place == 0 or start.effect.family == "hysteresis"
         found = refine(panel, problem, [start], gap.joint) if searched else start
         enough = left < least or left_in(panel, problem, found, gap.joint, rest) < least
+        enough = enough or _levels_told(panel, problem, found, gap.joint, rest)
         if enough and not slipless(panel, gap, found) and not _early(panel, problem, found, gap.joint):
             return True
     return False
+
+
+def _levels_told(panel: Panel, problem: JointProblem, trial: Trial, joint: int, rest: BoolArray) -> bool:
+    """Whether a trial explains the mean of each rest, of which noise that shakes the sign of velocity leaves little."""
+    left = problem.left(admissible(panel, problem, trial.effect, trial.shape, joint))
+    before, after = (float(np.mean(_levels(panel, r, rest)[rest] ** 2)) for r in (problem.residual, left))
+    return after <= (1.0 - EXPLAINED) * before
 
 
 def _early(panel: Panel, problem: JointProblem, trial: Trial, joint: int) -> bool:

@@ -111,7 +111,7 @@ class Beside:
         assert trial.errors is not None
         moving = classes_of(panel, self.problem, self.joint) >= MOVING
         groups = [rows for rows, share in ((moving, FEW), (~moving, RESTS)) if rows.mean() > share]
-        everywhere = self._helps(trial.errors.held_out) and agrees(self.problem, columns, groups)
+        everywhere = falls(self.before.held_out - trial.errors.held_out) and agrees(self.problem, columns, groups)
         everywhere = everywhere and self._is_no_noise(panel, trial)
         everywhere = everywhere and self._is_on_time(panel, trial, columns)
         everywhere = everywhere and self._is_itself(panel, trial, columns)
@@ -166,11 +166,8 @@ class Beside:
 
     def _repeats(self, panel: Panel, trial: Trial) -> bool:
         """Whether it predicts the folds with its shape, too, found on the others: a shape may fit by chance."""
-        held_out = nested_errors(panel, self.gap, [n.trial for n in self.named], trial)
-        return self._helps(held_out) and gain(self.before.total, float(held_out.sum())) > GAIN
-
-    def _helps(self, held_out: FloatArray) -> bool:
-        return falls(self.before.held_out - held_out)
+        before, after = nested_errors(panel, self.gap, [n.trial for n in self.named], trial)
+        return falls(before - after) and gain(float(before.sum()), float(after.sum())) > GAIN
 
 
 def falls(by: FloatArray) -> bool:

@@ -75,7 +75,7 @@ def alternatives(panel: Panel, gap: JointGap, named: Sequence[Named], one: Named
         if gain <= 0.5 * explained:
             continue
         close = gain >= LAW * explained or not _beats(own, left)
-        if close and (one.effect.rivals_with(rival.effect) or _repeats(panel, gap, others, rival, before, explained)):
+        if close and (one.effect.rivals_with(rival.effect) or _repeats(panel, gap, others, rival, explained)):
             found[rival.effect.name] = rival
     return found
 
@@ -118,11 +118,10 @@ def next_experiment(name: str, others: Mapping[str, Experiment | None]) -> str |
     return "; ".join(dict.fromkeys(said)) or None
 
 
-def _repeats(
-    panel: Panel, gap: JointGap, others: Sequence[Trial], rival: Trial, before: float, explained: float
-) -> bool:
+def _repeats(panel: Panel, gap: JointGap, others: Sequence[Trial], rival: Trial, explained: float) -> bool:
     """Whether a rival predicts half as much with its shape, too, found on other rows: a shape may fit by chance."""
-    return before - float(nested_errors(panel, gap, others, rival).sum()) > 0.5 * explained
+    before, after = nested_errors(panel, gap, others, rival)
+    return float(np.sum(before - after)) > 0.5 * explained
 
 
 def _held_out(panel: Panel, problem: JointProblem, trial: Trial, joint: int) -> FloatArray:

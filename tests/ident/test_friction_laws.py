@@ -221,3 +221,38 @@ def test_hysteresis_that_two_joints_drive_brakes_this_one(context, side):
         "slip": 2e-2,
         "own": 1.5 * side,
     }
+
+
+def spots(angle):
+    """Dry friction with three spots that rub, at no even distances."""
+    return sum(size * np.exp(-(((angle - at) / 0.22) ** 2)) for at, size in ((-0.7, 0.5), (0.1, 0.9), (0.6, 0.6)))
+
+
+def test_spots_that_rub_are_told_by_half_waves_over_the_range(context):
+    survey = SimpleNamespace(reach=np.full(6, 2.0), middle=np.full(6, -0.1))
+    one, two = PositionFriction(1, harmonics=1), PositionFriction(1)
+    (waves,) = two.fuller(survey)
+    assert (one.fuller(survey), waves.fuller(survey), waves.shapes) == ([], [], ())
+    assert len(waves.coefficients(context.robot)) == waves.harmonics == 12
+    t = np.linspace(0.0, 20.0, 4001)
+    q = np.zeros((len(t), 6))
+    q[:, 1] = -0.1 + np.sin(2.0 * np.pi * 0.21 * t)
+    motion = Motion(t, q, np.gradient(q, t, axis=0), np.zeros_like(q))
+    there = replace(context, motion=motion)
+    columns = waves.columns(there, np.zeros(0), waves.start())
+    wanted = np.tanh(motion.dq[:, 1] / waves.smoothing) * spots(q[:, 1])
+    columns, coulomb = np.column_stack([columns, np.tanh(motion.dq[:, 1] / waves.smoothing)]), 12
+    found = np.linalg.lstsq(columns, wanted, rcond=None)[0]
+    np.testing.assert_allclose(columns @ found, wanted, atol=0.03)
+    summary = waves.summary(context.robot, np.zeros(0), np.delete(found, coulomb))
+    assert summary["force"] == pytest.approx(0.45, rel=0.05)
+    assert summary["most"] == pytest.approx(0.1, abs=0.03)
+    # Beyond its ends friction is as at them.
+    q[:, 1] = np.where(np.arange(len(t)) % 2, 1.4, 0.9)
+    at, beyond = waves.columns(there, np.zeros(0), waves.start())[:2] / np.tanh(motion.dq[:2, [1]] / waves.smoothing)
+    np.testing.assert_allclose(beyond, at, atol=1e-9)
+
+
+def test_a_short_range_has_no_room_for_spots():
+    survey = SimpleNamespace(reach=np.full(6, 0.5), middle=np.zeros(6))
+    assert PositionFriction(1).fuller(survey) == []

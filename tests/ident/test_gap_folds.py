@@ -5,8 +5,11 @@ from dataclasses import replace
 import numpy as np
 from planar_arm import logs, record
 
+from ident.effects.base import Coefficient, Effect, Shape
 from ident.gap import baseline_model
+from ident.gap.candidates import Trial
 from ident.gap.folds import FOLDS, even_folds, goes_beyond
+from ident.gap.joint_gap import nested_errors
 from ident.gap.rows import gap_of, panel_of
 
 
@@ -58,3 +61,34 @@ def test_far_is_other_positions_or_faster():
     assert goes_beyond(fold, np.where(fold == 2, 1.6 * q, q), dq)
     assert goes_beyond(fold, np.where(fold == 2, q + 1.2, q), dq)
     assert goes_beyond(fold, q, np.where(fold == 1, 2.2, dq))
+
+
+class Waning(Effect):
+    """Dry friction that wanes with the time since the robot was switched on."""
+
+    shapes = (Shape("seconds", "s", 1.0, 500.0, (30.0,)),)
+
+    def coefficients(self, robot):
+        return (Coefficient("force", "{current}"),)
+
+    def columns(self, context, shape, memory):
+        wanes = np.exp(-context.motion.t / shape[0])
+        return (wanes * np.tanh(context.motion.dq[:, self.at] / 2e-3))[:, None]
+
+
+def test_what_shows_in_one_log_is_told_by_parts_of_it(arm):
+    # Two things wane: logs after the first tell of the slower one, and nothing of how the first log began.
+    def wanes(seed, begins):
+        def hidden(t, q, dq):
+            since = t + begins
+            return (0.9 * np.exp(-since / 15.0) + 0.2 * np.exp(-since / 60.0)) * np.tanh(dq[:, 1] / 2e-3)
+
+        return record(arm, seed, hidden=hidden).replace(t=record(arm, seed).t + begins)
+
+    train = [wanes(seed, 61.0 * k) for k, seed in enumerate((1, 2, 3, 4))]
+    model = baseline_model(arm, train)
+    panel = panel_of(model, train)
+    gap, trial = gap_of(model, panel, 1), Trial(Waning(1), np.array([20.0]), 0.0)
+    before, known = (gap.problem(panel, [trial] * k).errors().held_out for k in (0, 1))
+    _, nested = nested_errors(panel, gap, [], trial)
+    assert nested.sum() < 1.2 * known.sum() < 0.8 * before.sum()

@@ -368,3 +368,16 @@ def test_friction_that_yields_over_a_displacement_holds_so_that_others_stick_soo
     yields = np.arange(3) < known
     found = in_company(lambda gap, times: gap.joint == 2 and times <= 4.3, gaps, np.full(3, 9.0), yields)
     assert found.tolist() == [False, False, sticks]
+
+
+@pytest.mark.parametrize("noise", [4e-5, 1e-4])
+def test_friction_larger_in_one_direction_is_told_by_what_rests_lack_of_it(arm, noise):
+    # Noise of the positions shakes the model's sign of velocity, and makes most of what single rows of a rest err by.
+    def shaken(seed):
+        log = record(arm, seed, held=0.0, hidden=lambda q, dq, still: 0.3 * ~still)
+        return replace(log, q=log.q + noise * np.random.default_rng(seed).standard_normal(log.q.shape))
+
+    train = [shaken(seed) for seed in (1, 2, 3)]
+    (found,) = find_gap(baseline_model(arm, train), train, [shaken(9)]).findings
+    assert (found.effect, found.joints) == ("coulomb-asymmetry", (1,))
+    assert found.parameters["force"] == pytest.approx(0.3, rel=0.1)
