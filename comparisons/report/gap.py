@@ -35,7 +35,7 @@ WORDS = {
     "sigmoid": "dry friction builds up over a range of speeds",
     "viscous-nonlinear": "friction grows with a power of speed",
     "load-friction": "friction grows with load",
-    "position-friction": "friction swings with the joint's angle",
+    "position-friction": "friction changes with the joint's position",
     "thermal-friction": "friction changes as the joint warms up",
     "maxwell-slip": "friction remembers how the joint came to where it is",
     "cross-joint-hysteresis": "another joint's motion drives a hysteretic force",
@@ -55,7 +55,7 @@ WORDS = {
 ANGLE, FORCE = "{angle}", "{current}"
 UNITS = {
     **{"mass": "kg", "seconds": "s", "hertz": "Hz", "roll": "rad", "pitch": "rad"},
-    **dict.fromkeys(("gap", "slip", "neutral", "slack"), ANGLE),
+    **dict.fromkeys(("gap", "slip", "neutral", "slack", "most_at", "least_at"), ANGLE),
     **dict.fromkeys(("force", "offset"), FORCE),
     **{"stiffness": f"{FORCE}/{ANGLE}", "per_hour": f"{FORCE}/h", "speed": f"{ANGLE}/s"},
 }

@@ -206,8 +206,8 @@ class PositionFriction(DirectedEffect):
         if self.span > 0.0:
             angles = self.middle + self.span * np.linspace(-0.5, 0.5, 20 * self.harmonics)
             level = self._half_waves(angles) @ coefficients
-            most = float(angles[np.argmax(level)])
-            return {"force": 0.5 * float(np.ptp(level)), "most": most, "least": float(angles[np.argmin(level)])}
+            most, least = float(angles[np.argmax(level)]), float(angles[np.argmin(level)])
+            return {"force": 0.5 * float(np.ptp(level)), "most_at": most, "least_at": least}
         force, phase = float(np.hypot(*coefficients[:2])), float(np.arctan2(coefficients[1], coefficients[0]))
         second = float(np.linalg.norm(coefficients[2:]))
         return {"force": force, "second_harmonic": second, "per_turn": float(shape[0]), "phase": phase}

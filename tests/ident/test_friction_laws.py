@@ -246,7 +246,7 @@ def test_spots_that_rub_are_told_by_half_waves_over_the_range(context):
     np.testing.assert_allclose(columns @ found, wanted, atol=0.03)
     summary = waves.summary(context.robot, np.zeros(0), np.delete(found, coulomb))
     assert summary["force"] == pytest.approx(0.45, rel=0.05)
-    assert summary["most"] == pytest.approx(0.1, abs=0.03)
+    assert summary["most_at"] == pytest.approx(0.1, abs=0.03)
     # Beyond its ends friction is as at them.
     q[:, 1] = np.where(np.arange(len(t)) % 2, 1.4, 0.9)
     at, beyond = waves.columns(there, np.zeros(0), waves.start())[:2] / np.tanh(motion.dq[:2, [1]] / waves.smoothing)
