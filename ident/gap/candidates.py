@@ -274,7 +274,8 @@ def best_trials(panel: Panel, survey: Survey, gate: Gate, effects: Sequence[Effe
 def fuller_trial(panel: Panel, gate: Gate, effect: Effect, plain: Sequence[Trial], joint: int) -> Trial:
     """A fuller form of a law at the shape that suits it best near those of the plain one, whose parameters are first.
 
-    Where the plain one began may be nearer to it than where that ended up without what it lacks.
+    Where the plain one began may be nearer to it than where that ended up without what it lacks. Half waves have no
+    parameters, and take none.
     """
     more = [parameter.starts[0] for parameter in effect.shapes[len(plain[0].shape) :]]
     starts = []

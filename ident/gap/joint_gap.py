@@ -9,7 +9,7 @@ import numpy as np
 
 from ident.arrays import BoolArray, FloatArray, IntArray
 from ident.effects.base import Effect
-from ident.gap.candidates import Trial, admissible, best_shape, coefficients, usable
+from ident.gap.candidates import Trial, admissible, best_shape, coefficients, force_of, usable
 from ident.gap.folds import even_folds, goes_beyond
 from ident.gap.gate import Gate, speed_classes
 from ident.gap.panel import Panel
@@ -131,7 +131,11 @@ class JointGap:
         fold, q, dq = self.fold(panel)[rows], motion.q[rows, self.joint], motion.dq[rows, self.joint]
         if len(fold) == 0 or not goes_beyond(fold, q, dq):
             return self
-        return replace(self, parts=even_folds(panel.log, rows, PARTS))
+        return self.in_parts(panel)
+
+    def in_parts(self, panel: Panel) -> JointGap:
+        """The same in folds of many parts of every log."""
+        return replace(self, parts=even_folds(panel.log, self.keep, PARTS))
 
     def fold(self, panel: Panel) -> IntArray:
         """Number of each row's fold (N,)."""
@@ -210,32 +214,32 @@ def nested_errors(panel: Panel, gap: JointGap, named: Sequence[Trial], trial: Tr
 
     Folds are the joint's, unless hardly more than one of them tells of the effect.
     """
-    gap = _shared_out(panel, gap, named, trial)
-    problem = gap.problem(panel, named)
+    problem, others = _with_others(panel, gap, named)
+    if trial.effect.shapes and _hardly_told(panel, problem, others, trial, gap.joint):
+        problem, others = _with_others(panel, gap.in_parts(panel), named)
     held_out = np.empty(len(problem.labels))
-    for k, fold in enumerate(problem.labels):
-        others = gap.without(gap.fold(panel) == fold).problem(panel, named)
-        shape = best_shape(panel, others, trial, gap.joint).shape
+    for k, rows in enumerate(others):
+        shape = best_shape(panel, rows, trial, gap.joint).shape
         held_out[k] = problem.errors(admissible(panel, problem, trial.effect, shape, gap.joint)).held_out[k]
     return problem.errors().held_out, held_out
 
 
-def _shared_out(panel: Panel, gap: JointGap, named: Sequence[Trial], trial: Trial) -> JointGap:
-    """The joint's rows in folds of many parts of every log, where hardly more than one tells of a trial with a shape.
-
-    A robot warms up in one log: what others say of how it does is nothing.
-    """
-    if not trial.effect.shapes:
-        return gap
+def _with_others(panel: Panel, gap: JointGap, named: Sequence[Trial]) -> tuple[JointProblem, list[JointProblem]]:
+    """The joint's regression, and those without each of its folds in turn."""
     problem, fold = gap.problem(panel, named), gap.fold(panel)
-    columns = admissible(panel, problem, trial.effect, trial.shape, gap.joint)
-    force = np.zeros((len(panel), 1))
-    force[problem.keep] = columns @ problem.beyond(columns).coefficients[:, None]
+    return problem, [gap.without(fold == k).problem(panel, named) for k in problem.labels]
 
-    def told(rows: JointProblem) -> float:
-        return float(np.sum(rows.away(rows.of(force)) ** 2))
 
-    others = min(told(gap.without(fold == k).problem(panel, named)) for k in problem.labels)
-    if others >= HARDLY * told(problem):
-        return gap
-    return replace(gap, parts=even_folds(panel.log, gap.keep, PARTS))
+def _hardly_told(panel: Panel, problem: JointProblem, others: Sequence[JointProblem], trial: Trial, joint: int) -> bool:
+    """Whether all folds but one hardly tell of a trial: warm logs say little of how a robot warms up.
+
+    Args:
+        panel: the rows.
+        problem: the joint's.
+        others: those without each fold in turn.
+        trial: the effect at its shape.
+        joint: the joint.
+    """
+    force = force_of(panel, problem, trial, joint)[:, None]
+    told = [float(np.sum(rows.away(rows.of(force)) ** 2)) for rows in (problem, *others)]
+    return min(told[1:]) < HARDLY * told[0]

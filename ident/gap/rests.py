@@ -220,21 +220,20 @@ def _rattles(force: FloatArray, left: FloatArray, rest: BoolArray) -> bool:
 
 def _hunts(panel: Panel, left: FloatArray, rest: BoolArray) -> bool:
     """Whether most of what rests hold swings about their means, at one frequency: a drive that hunts does."""
-    swings = np.where(rest, left - _levels(panel, left, rest), 0.0)
+    number = _numbered(panel, rest)
+    swings = np.where(rest, left - _levels(left, number), 0.0)
     if np.mean(swings[rest] ** 2) < SWINGS * np.mean(left[rest] ** 2):
         return False
     step = panel.step
     line = spectral_line(swings, panel.start, step)
     if line is None or line[1] <= HUNTS:
         return False
-    number = _numbered(panel, rest)
     lasts_for = step * np.average(np.bincount(number)[number], weights=swings**2)
     return bool(line[0] * lasts_for >= PERIODS)
 
 
-def _levels(panel: Panel, left: FloatArray, rest: BoolArray) -> FloatArray:
-    """The mean of what is left (N,) in the rest that each row is of; of all motion where it is of none."""
-    number = _numbered(panel, rest)
+def _levels(left: FloatArray, number: IntArray) -> FloatArray:
+    """The mean of what is left (N,) in the rest of that number (N,) that each row is of; of all motion for nought."""
     level: FloatArray = np.bincount(number, left) / np.maximum(np.bincount(number), 1)
     return level[number]
 
@@ -267,17 +266,22 @@ def _told(panel: Panel, survey: Survey, gap: JointGap, rest: BoolArray, usual: f
             continue
         searched = place == 0 or start.effect.family == "hysteresis"
         found = refine(panel, problem, [start], gap.joint) if searched else start
-        enough = left < least or left_in(panel, problem, found, gap.joint, rest) < least
-        enough = enough or _levels_told(panel, problem, found, gap.joint, rest)
+        enough = left < least or _tells(panel, problem, found, gap.joint, rest, least)
         if enough and not slipless(panel, gap, found) and not _early(panel, problem, found, gap.joint):
             return True
     return False
 
 
-def _levels_told(panel: Panel, problem: JointProblem, trial: Trial, joint: int, rest: BoolArray) -> bool:
-    """Whether a trial explains the mean of each rest, of which noise that shakes the sign of velocity leaves little."""
+def _tells(panel: Panel, problem: JointProblem, trial: Trial, joint: int, rest: BoolArray, least: float) -> bool:
+    """Whether a trial leaves less than that mean square in rests, or explains the mean of each.
+
+    Noise that shakes the sign of velocity leaves little in the means.
+    """
     left = problem.left(admissible(panel, problem, trial.effect, trial.shape, joint))
-    before, after = (float(np.mean(_levels(panel, r, rest)[rest] ** 2)) for r in (problem.residual, left))
+    if np.mean(left[rest] ** 2) < least:
+        return True
+    number = _numbered(panel, rest)
+    before, after = (float(np.mean(_levels(r, number)[rest] ** 2)) for r in (problem.residual, left))
     return after <= (1.0 - EXPLAINED) * before
 
 
