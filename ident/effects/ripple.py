@@ -18,6 +18,8 @@ from ident.effects.survey import Survey
 if TYPE_CHECKING:
     from ident.robot import Robot
 
+ComplexArray = npt.NDArray[np.complex128]
+
 FEWEST_REPEATS = 4.0
 """Fewer repeats a turn of the joint look like a cable, a balancer or the links' weight."""
 
@@ -45,13 +47,18 @@ HARMONICS = ("second_harmonic", "third_harmonic")
 ROLLING = Shape("speed", "{angle}/s", 5e-4, 0.2, (0.01,), ends=(False, True))
 """Over which a ripple comes up that is there only as the joint turns."""
 
+FADING = Shape("hertz", "Hz", 1.0, 200.0, (10.0,), ends=(False, True))
+"""Up to which a position loop takes up a ripple; of quicker ones the inertia does."""
+
 
 @dataclass(frozen=True)
 class GearRipple(Effect):
     """Force that repeats with the joint's angle: tooth meshing, run-out, the wave generator of a strain-wave gear.
 
     A gear's kinematic error may grow with the load that it carries: so does the ripple's amplitude then, linearly. What
-    teeth bring about as they roll is not there at rest, where friction holds the joint.
+    teeth bring about as they roll is not there at rest, where friction holds the joint. Of what passes too quickly for
+    the position loop the inertia takes up most, by less motion than the encoder or the derivatives' filter shows: the
+    current holds what a first-order low-pass leaves of it (the loop's complementary sensitivity).
 
     Attributes:
         most, fewest: repeats a turn between which the search looks.
@@ -60,6 +67,7 @@ class GearRipple(Effect):
         largest: largest force that the model gives on the logs, at which a ripple that grows with the load is told; one
             of one size has none.
         rolls: whether it is there only as the joint turns.
+        fades: whether the current holds less of it the more quickly it passes.
     """
 
     most: float = 40.0
@@ -68,6 +76,7 @@ class GearRipple(Effect):
     step: float = 1.0
     largest: float = 0.0
     rolls: bool = False
+    fades: bool = False
 
     name = "gear-ripple"
     family = "transmission"
@@ -85,18 +94,18 @@ class GearRipple(Effect):
         return [cls(joint, limit, fewest, harmonics, step) for limit, harmonics in tried if limit > fewest + 1.0]
 
     def fuller(self, survey: Survey) -> list[Effect]:
-        """Return the ripple with more harmonics, as it grows with the load, and as it is there only in motion."""
+        """Return it with more harmonics, as it grows with the load, only in motion, and as a position loop shows it."""
         if not self.simple:
             return []
         rich = replace(self, harmonics=1 + len(HARMONICS))
         largest = float(survey.largest[self.at])
         grown = [replace(self, largest=largest)] if largest > 0.0 else []
-        return [rich, *grown, replace(self, rolls=True), replace(rich, rolls=True)]
+        return [rich, *grown, replace(self, rolls=True), replace(rich, rolls=True), replace(self, fades=True)]
 
     @property
     def simple(self) -> bool:
         """Whether it is a sine of one size."""
-        return self.harmonics == 1 and self.largest == 0.0 and not self.rolls
+        return self.harmonics == 1 and self.largest == 0.0 and not (self.rolls or self.fades)
 
     @property
     def needs(self) -> tuple[str, ...]:
@@ -105,10 +114,10 @@ class GearRipple(Effect):
 
     @cached_property
     def shapes(self) -> tuple[Shape, ...]:
-        """Return the repeats a turn of the joint and, of one there only in motion, the speed over which it comes up."""
+        """Return the repeats a turn of the joint, and over which speed it comes up or at which frequency it fades."""
         starts = tuple(np.arange(np.floor(self.fewest) + 1.0, self.most, self.step).tolist())
         per_turn = Shape("per_turn", "1", self.fewest, self.most, starts, log=False)
-        return (per_turn, ROLLING) if self.rolls else (per_turn,)
+        return (per_turn, *((ROLLING,) if self.rolls else ()), *((FADING,) if self.fades else ()))
 
     def coefficients(self, robot: Robot) -> tuple[Coefficient, ...]:
         """Return amplitudes in and out of phase with the joint's zero, of each harmonic; then by how much they grow."""
@@ -130,42 +139,53 @@ class GearRipple(Effect):
             told[name] = float(np.hypot(*at_most[2 * order : 2 * order + 2]))
         if self.largest > 0.0:
             told["unloaded"] = float(np.hypot(*without[:2]))
-        return {**told, "speed": float(shape[1])} if self.rolls else {**told}
+        return {**told, **{more.name: float(value) for more, value in zip(self.shapes[1:], shape[1:], strict=True)}}
 
     def columns(self, context: Context, shape: FloatArray, memory: FloatArray) -> FloatArray:
         """Return sine and cosine of multiples of per_turn times the angle; the same times the load's size."""
-        return self._full(context, self._waves(np.exp(1j * shape[0] * context.motors.q[:, self.at])), shape)
+        return self._full(context, _parts(self._phasors(context, shape)), shape)
 
     def sweep(self, context: Context, shapes: FloatArray) -> Iterator[FloatArray]:
         """Yield sine and cosine at each of several repeats a turn; evenly spaced ones by turning one phasor on."""
         per_turn, angle = shapes[:, 0], context.motors.q[:, self.at]
-        if self.rolls or len(per_turn) < 3 or np.ptp(np.diff(per_turn)) > 1e-9:
+        if shapes.shape[1] > 1 or len(per_turn) < 3 or np.ptp(np.diff(per_turn)) > 1e-9:
             yield from super().sweep(context, shapes)
             return
         wave, onward = (np.exp(1j * turns * angle) for turns in (per_turn[0], per_turn[1] - per_turn[0]))
         for shape in shapes:
-            yield self._full(context, self._waves(wave), shape)
+            yield self._full(context, _parts(self._powers(wave)), shape)
             wave = wave * onward
 
     def gradient(self, context: Context, shape: FloatArray) -> FloatArray:
-        """Differentiate the columns by the repeats a turn, and by the speed over which it comes up."""
-        angle = context.motors.q[:, self.at]
-        turned = [(k * angle, k * shape[0] * angle) for k in range(1, self.harmonics + 1)]
-        slopes = [slope for by, phase in turned for slope in (by * np.cos(phase), -by * np.sin(phase))]
-        by_turns = self._full(context, np.stack(slopes, axis=1), shape)
-        if not self.rolls:
-            return by_turns[None]
-        # d tanh(u) / du, u = |v| / speed, over tanh(u), which is no wave's.
-        over = np.abs(context.motors.dq[:, self.at]) / shape[1]
-        here = np.tanh(over)
-        per_wave = np.divide(-over * (1.0 - here**2), here * shape[1], out=np.zeros_like(over), where=here > 0.0)
-        return np.stack([by_turns, self.columns(context, shape, self.start()) * per_wave[:, None]])
+        """Differentiate the columns by the repeats a turn, and by what else the shape holds."""
+        phasors, quick = self._phasors(context, shape), self._quick(context, shape)
+        turned = 1j * np.arange(1, self.harmonics + 1) * context.motors.q[:, self.at, None]
+        slopes = [self._full(context, _parts(phasors * (turned - quick / (1.0 + quick) / shape[0])), shape)]
+        if self.rolls:
+            # d tanh(u) / du, u = |v| / speed, over tanh(u), which is no wave's.
+            over = np.abs(context.motors.dq[:, self.at]) / shape[1]
+            here = np.tanh(over)
+            per_wave = np.divide(-over * (1.0 - here**2), here * shape[1], out=np.zeros_like(over), where=here > 0.0)
+            slopes.append(self.columns(context, shape, self.start()) * per_wave[:, None])
+        if self.fades:
+            slopes.append(self._full(context, _parts(phasors * quick / (1.0 + quick) / shape[-1]), shape))
+        return np.stack(slopes)
 
-    def _waves(self, wave: npt.NDArray[np.complex128]) -> FloatArray:
-        """Sine and cosine (N, k) of each harmonic, as powers of the first (N,)."""
-        powers = itertools.accumulate([wave] * self.harmonics, np.multiply)
+    def _phasors(self, context: Context, shape: FloatArray) -> ComplexArray:
+        """Each harmonic (N, k), its sine the imaginary part, as a loop with that corner shows it."""
+        waves = self._powers(np.exp(1j * shape[0] * context.motors.q[:, self.at]))
+        return waves / (1.0 + self._quick(context, shape)) if self.fades else waves
+
+    def _powers(self, wave: ComplexArray) -> ComplexArray:
+        """Each harmonic (N, k) as a power of the first (N,)."""
         # Column by column in memory: hundreds are tried, each a whole.
-        return np.array([part for power in powers for part in (power.imag, power.real)]).T
+        return np.array(list(itertools.accumulate([wave] * self.harmonics, np.multiply))).T
+
+    def _quick(self, context: Context, shape: FloatArray) -> ComplexArray:
+        """The imaginary unit times how often each harmonic (N, k) passes, over the corner of one that fades."""
+        turns = np.arange(1, self.harmonics + 1) * shape[0] / (2.0 * np.pi)
+        over = turns / shape[-1] if self.fades else np.zeros_like(turns)
+        return np.asarray(1j * over * context.motors.dq[:, self.at, None])
 
     def _full(self, context: Context, waves: FloatArray, shape: FloatArray) -> FloatArray:
         """Waves (N, k) as far as the joint turns and, where they grow with the load, times its size, too (N, 2 k)."""
@@ -175,6 +195,11 @@ class GearRipple(Effect):
             return waves
         size = np.abs(context.needed("load", self.name)[:, self.at]) / self.largest
         return np.hstack([waves, waves * size[:, None]])
+
+
+def _parts(phasors: ComplexArray) -> FloatArray:
+    """Sine and cosine (N, 2 k) of phasors (N, k)."""
+    return np.array([part for wave in phasors.T for part in (wave.imag, wave.real)]).T
 
 
 def fewest_repeats(survey: Survey, joint: int) -> float:

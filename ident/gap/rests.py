@@ -23,7 +23,7 @@ from ident.gap.panel import Panel
 from ident.gap.problem import JointProblem
 from ident.gap.rows import gap_of, panel_of, survey_of
 from ident.gap.spectrum import spectral_line
-from ident.gap.standing import lasts, of_motors, stands
+from ident.gap.standing import of_motors, stands
 from ident.gap.threads import in_threads
 from ident.gap.unsure import shaken, turning
 from ident.log import LogSource
@@ -39,8 +39,9 @@ AROUND = 1.0
 RESTS, MOVES = 0.02, 0.03
 """Share of the rows that must be rests for them to be looked at, and motion for it to tell what is usual."""
 
-MOSTLY = 0.5
-"""A joint that sticks stands for long in this share of its slow rows; one that turns round does not."""
+STILL, MOSTLY = 0.25, 0.5
+"""A joint that sticks is slower than this share of the speed below which it stands in that share of its slow rows; one
+that turns round passes through them, and is as often at each speed."""
 
 STICKS = 9.0
 """A joint sticks if its mean square is this many times larger in rests than in motion, that motion being fitted."""
@@ -154,8 +155,8 @@ def rests_of(model: CurrentModel, panel: Panel, survey: Survey) -> Rests:
     coupling = model.robot.coupling
     rests = panel.gather(lambda block: stands(of_motors(block, coupling), speed, around))
     noise = noise_at_turns(model, panel, survey)
-    lasting = panel.gather(lambda block: lasts(of_motors(block, coupling), speed)).sum(axis=0)
-    stops = lasting > MOSTLY * (np.abs(panel.velocity) < speed).sum(axis=0)
+    pace = panel.gather(lambda block: np.abs(of_motors(block, coupling).motion.dq))
+    stops = (pace < STILL * speed).sum(axis=0) > MOSTLY * (pace < speed).sum(axis=0)
     share = rests.mean(axis=0)
     may = stops & (share >= RESTS) & (share <= 1.0 - MOVES)
 

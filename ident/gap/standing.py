@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-from scipy.ndimage import binary_dilation, binary_opening, maximum_filter1d, minimum_filter1d
+from scipy.ndimage import binary_dilation, maximum_filter1d, minimum_filter1d
 
 from ident.arrays import BoolArray, FloatArray, IntArray
 from ident.coupling import Coupling
@@ -13,9 +13,6 @@ from ident.walk import Block
 
 SMEARED, DIP = 4.0, 0.25
 """A stop may be smeared to so many times that speed, where it is this share of the speeds before and after it."""
-
-LASTS = 0.1
-"""A joint stands for long that does so for so many seconds."""
 
 EARLY = 0.2
 """Share of a displacement after a turn that goes with it before the turn."""
@@ -51,12 +48,6 @@ def _dips(pace: FloatArray, rows: int) -> BoolArray:
     before, after = (maximum_filter1d(known, 2 * half + 1, axis=0, mode="nearest", origin=o) for o in (half, -half))
     least = minimum_filter1d(known, 2 * rows + 1, axis=0, mode="nearest")
     return np.asarray((known <= least) & (known < DIP * np.minimum(before, after)), dtype=bool)
-
-
-def lasts(block: Block, speed: FloatArray) -> BoolArray:
-    """Rows (N, n) of a block in which each joint is slower than a speed (n,) for long."""
-    long = np.ones((max(1, round(LASTS * block.log.rate)), 1), dtype=bool)
-    return np.asarray(binary_opening(np.abs(block.motion.dq) < speed, long), dtype=bool)
 
 
 def hardly_moved(block: Block, within: FloatArray) -> BoolArray:

@@ -102,6 +102,7 @@ VARIANTS = (
     Elasticity(1, everywhere=True, rings=True, motor=0.2, even=2.0),
     GearRipple(1, harmonics=2, largest=5.0),
     GearRipple(1, harmonics=3, rolls=True),
+    GearRipple(1, harmonics=2, fades=True),
     Delay(1, dry=(2.0,), turns=(2e-3,)),
     Delay(None, dry=(2.0,) * 6, turns=(2e-3,) * 6),
     FilterLag(1, dry=(2.0,), turns=(2e-3,)),

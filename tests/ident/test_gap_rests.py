@@ -256,6 +256,29 @@ def test_a_joint_that_turns_round_does_not_stick(arm):
     assert identify(arm, [turning(seed) for seed in (1, 2, 3)], effects=["coulomb"]).rests.joints == ()
 
 
+def test_a_joint_that_stands_for_a_moment_at_every_turn_sticks(arm):
+    def sticking(seed):
+        rng = np.random.default_rng(seed)
+        t = np.arange(6000) / RATE
+        half = np.array([1.9, 2.6])  # seconds from turn to turn, of which it stands the last
+        turn, since = np.divmod(t[:, None] + rng.uniform(0, 2, 2), half)
+        moves = half - 0.08
+        phase, stands = np.pi * np.minimum(since / moves, 1.0), since > moves
+        w, side = np.pi / moves, 0.5 * (-1.0) ** turn
+        q, dq, ddq = side * np.cos(phase), -side * w * np.sin(phase), -side * w**2 * np.cos(phase) * ~stands
+        torque = arm.rigid_body.inverse_dynamics(q, dq, ddq, np.tile(arm.multibody.parameters, (2, 1)))
+        torque += DRY * np.sign(dq)
+        # While it stands its drive goes from what was needed to what will be, sooner or later.
+        pace = 5.0 ** np.take_along_axis(rng.uniform(-1.0, 1.0, (40, 2)), turn.astype(int), axis=0)
+        gone = t[:, None] - since + moves + 0.08 * np.clip((since - moves) / 0.08, 0.0, 1.0) ** pace
+        for j, rest in enumerate(stands.T):
+            torque[rest, j] = np.interp(gone[rest, j], t[~rest], torque[~rest, j])
+        return JointLog(t=t, q=q, current=torque + NOISE * rng.standard_normal(q.shape), name=f"log{seed}")
+
+    found = identify(arm, [sticking(seed) for seed in (1, 2, 3)], cutoff=20.0, effects=["coulomb"])
+    assert found.rests.joints == (0, 1)
+
+
 def test_further_joints_are_left_out_only_if_they_rest_and_move():
     nobody, speed = np.zeros(2, dtype=bool), np.full(2, 5e-3)
     rests = Rests(nobody, np.array([True, False]), speed, DRY, 0.1)
