@@ -158,34 +158,36 @@ class GearRipple(Effect):
 
     def gradient(self, context: Context, shape: FloatArray) -> FloatArray:
         """Differentiate the columns by the repeats a turn, and by what else the shape holds."""
-        phasors, quick = self._phasors(context, shape), self._quick(context, shape)
-        turned = 1j * np.arange(1, self.harmonics + 1) * context.motors.q[:, self.at, None]
-        slopes = [self._full(context, _parts(phasors * (turned - quick / (1.0 + quick) / shape[0])), shape)]
+        phasors = self._phasors(context, shape)
+        by_turns = 1j * np.arange(1, self.harmonics + 1) * context.motors.q[:, self.at, None] * phasors
+        more = []
         if self.rolls:
             # d tanh(u) / du, u = |v| / speed, over tanh(u), which is no wave's.
             over = np.abs(context.motors.dq[:, self.at]) / shape[1]
             here = np.tanh(over)
             per_wave = np.divide(-over * (1.0 - here**2), here * shape[1], out=np.zeros_like(over), where=here > 0.0)
-            slopes.append(self.columns(context, shape, self.start()) * per_wave[:, None])
+            more.append(self.columns(context, shape, self.start()) * per_wave[:, None])
         if self.fades:
-            slopes.append(self._full(context, _parts(phasors * quick / (1.0 + quick) / shape[-1]), shape))
-        return np.stack(slopes)
+            quick = self._quick(context, shape)
+            lost = 1j * quick * _low_pass(quick) * phasors
+            by_turns -= lost / shape[0]
+            more.append(self._full(context, _parts(lost / shape[-1]), shape))
+        return np.stack([self._full(context, _parts(by_turns), shape), *more])
 
     def _phasors(self, context: Context, shape: FloatArray) -> ComplexArray:
         """Each harmonic (N, k), its sine the imaginary part, as a loop with that corner shows it."""
         waves = self._powers(np.exp(1j * shape[0] * context.motors.q[:, self.at]))
-        return waves / (1.0 + self._quick(context, shape)) if self.fades else waves
+        return waves * _low_pass(self._quick(context, shape)) if self.fades else waves
 
     def _powers(self, wave: ComplexArray) -> ComplexArray:
         """Each harmonic (N, k) as a power of the first (N,)."""
         # Column by column in memory: hundreds are tried, each a whole.
         return np.array(list(itertools.accumulate([wave] * self.harmonics, np.multiply))).T
 
-    def _quick(self, context: Context, shape: FloatArray) -> ComplexArray:
-        """The imaginary unit times how often each harmonic (N, k) passes, over the corner of one that fades."""
-        turns = np.arange(1, self.harmonics + 1) * shape[0] / (2.0 * np.pi)
-        over = turns / shape[-1] if self.fades else np.zeros_like(turns)
-        return np.asarray(1j * over * context.motors.dq[:, self.at, None])
+    def _quick(self, context: Context, shape: FloatArray) -> FloatArray:
+        """How often each harmonic (N, k) passes, by the side it passes to, over the corner of a ripple that fades."""
+        turns = np.arange(1, self.harmonics + 1) * shape[0] / (2.0 * np.pi * shape[-1])
+        return np.asarray(context.motors.dq[:, self.at, None] * turns)
 
     def _full(self, context: Context, waves: FloatArray, shape: FloatArray) -> FloatArray:
         """Waves (N, k) as far as the joint turns and, where they grow with the load, times its size, too (N, 2 k)."""
@@ -195,6 +197,12 @@ class GearRipple(Effect):
             return waves
         size = np.abs(context.needed("load", self.name)[:, self.at]) / self.largest
         return np.hstack([waves, waves * size[:, None]])
+
+
+def _low_pass(quick: FloatArray) -> ComplexArray:
+    """What a first-order low-pass leaves of phasors that turn at so many times (N, k) its corner."""
+    # 1 / (1 + i u), multiplied out: a complex quotient would complain of rows that are not known.
+    return np.asarray((1.0 - 1j * quick) * (1.0 / (1.0 + quick**2)))
 
 
 def _parts(phasors: ComplexArray) -> FloatArray:
