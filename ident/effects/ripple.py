@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, ClassVar
@@ -159,7 +159,7 @@ class GearRipple(Effect):
     def gradient(self, context: Context, shape: FloatArray) -> FloatArray:
         """Differentiate the columns by the repeats a turn, and by what else the shape holds."""
         phasors = self._phasors(context, shape)
-        by_turns = 1j * np.arange(1, self.harmonics + 1) * context.motors.q[:, self.at, None] * phasors
+        by_turns = 1j * np.arange(1, self.harmonics + 1)[:, None] * context.motors.q[:, self.at] * phasors
         more = []
         if self.rolls:
             # d tanh(u) / du, u = |v| / speed, over tanh(u), which is no wave's.
@@ -175,19 +175,18 @@ class GearRipple(Effect):
         return np.stack([self._full(context, _parts(by_turns), shape), *more])
 
     def _phasors(self, context: Context, shape: FloatArray) -> ComplexArray:
-        """Each harmonic (N, k), its sine the imaginary part, as a loop with that corner shows it."""
-        waves = self._powers(np.exp(1j * shape[0] * context.motors.q[:, self.at]))
+        """Each harmonic (k, N), its sine the imaginary part, as a loop with that corner shows it."""
+        waves = np.array(list(self._powers(np.exp(1j * shape[0] * context.motors.q[:, self.at]))))
         return waves * _low_pass(self._quick(context, shape)) if self.fades else waves
 
-    def _powers(self, wave: ComplexArray) -> ComplexArray:
-        """Each harmonic (N, k) as a power of the first (N,)."""
-        # Column by column in memory: hundreds are tried, each a whole.
-        return np.array(list(itertools.accumulate([wave] * self.harmonics, np.multiply))).T
+    def _powers(self, wave: ComplexArray) -> Iterator[ComplexArray]:
+        """Each harmonic (N,), as a power of the first (N,)."""
+        return itertools.accumulate([wave] * self.harmonics, np.multiply)
 
     def _quick(self, context: Context, shape: FloatArray) -> FloatArray:
-        """How often each harmonic (N, k) passes, by the side it passes to, over the corner of a ripple that fades."""
+        """How often each harmonic (k, N) passes, by the side it passes to, over the corner of a ripple that fades."""
         turns = np.arange(1, self.harmonics + 1) * shape[0] / (2.0 * np.pi * shape[-1])
-        return np.asarray(context.motors.dq[:, self.at, None] * turns)
+        return np.outer(turns, context.motors.dq[:, self.at])
 
     def _full(self, context: Context, waves: FloatArray, shape: FloatArray) -> FloatArray:
         """Waves (N, k) as far as the joint turns and, where they grow with the load, times its size, too (N, 2 k)."""
@@ -200,14 +199,15 @@ class GearRipple(Effect):
 
 
 def _low_pass(quick: FloatArray) -> ComplexArray:
-    """What a first-order low-pass leaves of phasors that turn at so many times (N, k) its corner."""
+    """What a first-order low-pass leaves of phasors that turn at so many times (k, N) its corner."""
     # 1 / (1 + i u), multiplied out: a complex quotient would complain of rows that are not known.
     return np.asarray((1.0 - 1j * quick) * (1.0 / (1.0 + quick**2)))
 
 
-def _parts(phasors: ComplexArray) -> FloatArray:
-    """Sine and cosine (N, 2 k) of phasors (N, k)."""
-    return np.array([part for wave in phasors.T for part in (wave.imag, wave.real)]).T
+def _parts(phasors: Iterable[ComplexArray]) -> FloatArray:
+    """Sine and cosine (N, 2 k) of each of k phasors (N,)."""
+    # Column by column in memory: hundreds are tried, each a whole.
+    return np.array([part for wave in phasors for part in (wave.imag, wave.real)]).T
 
 
 def fewest_repeats(survey: Survey, joint: int) -> float:
