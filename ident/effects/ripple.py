@@ -166,7 +166,7 @@ class GearRipple(Effect):
             over = np.abs(context.motors.dq[:, self.at]) / shape[1]
             here = np.tanh(over)
             per_wave = np.divide(-over * (1.0 - here**2), here * shape[1], out=np.zeros_like(over), where=here > 0.0)
-            more.append(self.columns(context, shape, self.start()) * per_wave[:, None])
+            more.append(self._full(context, _parts(phasors), shape) * per_wave[:, None])
         if self.fades:
             quick = self._quick(context, shape)
             lost = 1j * quick * _low_pass(quick) * phasors
