@@ -30,6 +30,9 @@ MOVING, FAST = 2, 3
 TOLERATED = 0.02
 """Share of the RMS residual by which a candidate may lower it where there is nothing but small errors of the model."""
 
+LEAST = 1e-6
+"""Least p-value that is said: no law of extremes is known so far out."""
+
 ABSORBED = 1e-3
 """Share of a column's length that the baseline must leave for it to count."""
 
@@ -115,7 +118,7 @@ class Gate:
         scale = max(float(self.largest.std()) * np.sqrt(6.0) / np.pi, 1e-9)
         place = float(self.largest.mean()) - EULER * scale
         tail = float(-np.expm1(-np.exp(-(statistic - place) / scale)))
-        return max(tail, 1e-6)
+        return max(tail, LEAST)
 
 
 def speed_classes(speed: FloatArray) -> IntArray:

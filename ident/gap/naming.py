@@ -7,11 +7,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ident.arrays import BoolArray, FloatArray
+from ident.arrays import FloatArray
 from ident.effects.base import Effect, Term
 from ident.effects.timing import Timing
 from ident.gap.attribute import attribute, holds_beside, still_holding
 from ident.gap.belief import believed
+from ident.gap.borne_out import late_on_all
 from ident.gap.candidates import coefficients
 from ident.gap.edge import with_less_edge
 from ident.gap.joint_gap import JointGap, Named
@@ -59,10 +60,7 @@ class Causes:
 
     def lateness(self, panel: Panel) -> FloatArray:
         """Seconds (n,) by which each joint's current comes late in slow motion."""
-        everywhere = sum(
-            w.effect.lateness(w.shape, w.coefficients) for w in self.wholes if isinstance(w.effect, Timing)
-        )
-        late = np.full(panel.robot.n, float(everywhere))
+        late = _lateness(panel, self.wholes)
         for gap, names in zip(self.gaps, self.named, strict=True):
             for one in names:
                 if isinstance(one.effect, Timing):
@@ -71,17 +69,23 @@ class Causes:
         return late
 
 
-def name_causes(subject: Subject, keep: BoolArray, tell: Callable[[float], None]) -> Causes:
-    """Name what a model lacks, on the rows (N, n) that are kept, which are seen anew by links that names would bend.
+def name_causes(subject: Subject, tell: Callable[[float], None]) -> Causes | None:
+    """Name what a model lacks, on rows that are seen anew by links that names would bend.
+
+    None if currents that come late on all joints made signs of velocity be chosen anew, with which to begin again.
 
     Args:
         subject: the model and its rows.
-        keep: rows whose sign of velocity is sure.
         tell: told the share of it that is done.
     """
     tell(0.0)
-    gaps = [gap.without(~keep[:, gap.joint]) for gap in subject.gaps]
-    wholes: list[Whole] = []
+    gaps = subject.sure_gaps()
+    late = late_on_all(subject.panel, subject.survey, gaps, _known(subject, []))
+    wholes = [] if late is None else [late]
+    if late is not None:
+        if subject.turn(_lateness(subject.panel, wholes)):
+            return None
+        gaps = _without(subject, gaps, late)
     searches = _seen_anew(subject, _searches(subject, gaps))
     p_values = np.array([one.least_p_value(subject.panel) for one in searches])
     tell(0.5)
@@ -104,6 +108,12 @@ def name_causes(subject: Subject, keep: BoolArray, tell: Callable[[float], None]
     each = zip(gaps, sure, doubted, strict=True)
     stuck = [gap.joint for gap, names, others in each if _slipless(subject, gap, [*names, *others])]
     return Causes(wholes, gaps, sure, doubted, p_values, stuck)
+
+
+def _lateness(panel: Panel, wholes: Sequence[Whole]) -> FloatArray:
+    """Seconds (n,) by which causes of the whole robot make each joint's current come late in slow motion."""
+    timing = (w.effect.lateness(w.shape, w.coefficients) for w in wholes if isinstance(w.effect, Timing))
+    return np.full(panel.robot.n, sum(timing, start=0.0))
 
 
 def _searches(subject: Subject, gaps: Sequence[JointGap]) -> list[Search]:

@@ -9,11 +9,13 @@ import numpy as np
 
 from ident.arrays import FloatArray
 from ident.effects.base import Effect
+from ident.gap.agreement import IN_TIME, Predicted, agrees_at_any_pace
 from ident.gap.candidates import Trial, at_bound, grid, lower_bounds, refine
 from ident.gap.climb import climb, together
 from ident.gap.panel import Panel
 from ident.gap.problem import JointProblem
 from ident.gap.search import RIVAL_LAW, Search
+from ident.uncertainty import correlation_time
 
 TINY = 1e-300
 """In place of a nought that is divided by, such as the squared residual of a joint without rows that count."""
@@ -65,22 +67,24 @@ class OnAll:
 
     Attributes:
         panel: the rows.
-        searches: every joint's search.
+        problems: every joint's regression.
         effect: the effect.
         before: held-out squares (n, folds) without it.
+        own: the search of its joint, if it is of one.
         least: gain in log-likelihood below which, at the shapes that suit its own joint's row best, what one joint has
             is not searched for in all rows.
     """
 
     panel: Panel
-    searches: Sequence[Search]
+    problems: Sequence[JointProblem]
     effect: Effect
     before: FloatArray
+    own: Search | None = None
     least: float = 0.0
 
     def at(self, shape: FloatArray, lawful: bool = False) -> Whole | None:
         """The effect at a shape, with any coefficients or those that its law means; None where it shows not."""
-        effect, problems = self.effect, [search.problem for search in self.searches]
+        effect, problems = self.effect, self.problems
         lower = lower_bounds(self.panel, effect)
         every = self.panel.all_columns(effect, shape)
         columns = [p.of(every[:, j]) for j, p in enumerate(problems)]
@@ -136,17 +140,21 @@ class OnAll:
         """Whether it is of one joint, and has shapes to be searched for in that one's row."""
         return self.effect.joint is not None and bool(self.effect.shapes)
 
+    @property
+    def _own(self) -> Search:
+        assert self.own is not None
+        return self.own
+
     def _shown(self) -> list[Trial]:
         """Starts that its own joint's row shows best."""
-        own = self.searches[self.effect.at]
-        written = repr(self.effect)  # an effect of the user's may not be hashable
+        own, written = self._own, repr(self.effect)  # an effect of the user's may not be hashable
         if written not in own.shown:
             own.shown[written] = _shown(self.panel, own.problem, self.effect, self.effect.at)
         return own.shown[written]
 
     def _refined(self) -> list[FloatArray]:
         """The shape to which these lead in that row, if there are any."""
-        own, written = self.searches[self.effect.at], repr(self.effect)
+        own, written = self._own, repr(self.effect)
         if written not in own.refined:
             shown = self._shown()
             found = [refine(self.panel, own.problem, shown, self.effect.at)] if shown else []
@@ -158,6 +166,24 @@ def columns_of(panel: Panel, whole: Whole, joint: int) -> FloatArray:
     """What the effect adds to a joint's rows, (N,)."""
     added: FloatArray = panel.columns(whole.effect, whole.shape, joint) @ whole.coefficients
     return added
+
+
+def left_by(panel: Panel, problem: JointProblem, whole: Whole, joint: int) -> FloatArray:
+    """What (N,) a cause leaves of a joint's rows that count."""
+    rest = problem.target - columns_of(panel, whole, joint)[problem.keep]
+    return problem.away(rest[:, None])[:, 0]
+
+
+def times_of(panel: Panel, problems: Sequence[JointProblem], whole: Whole) -> FloatArray:
+    """Correlation times (n,) [samples] of what a cause leaves of every joint."""
+    return np.array([correlation_time(left_by(panel, p, whole, j)) for j, p in enumerate(problems)])
+
+
+def at_any_pace(panel: Panel, problems: Sequence[JointProblem], whole: Whole) -> bool:
+    """Whether what a cause adds to joints is there in slow and in fast motion."""
+    added = (columns_of(panel, whole, j)[p.keep] for j, p in enumerate(problems))
+    joints = [Predicted.of(panel, p, j, force) for j, (p, force) in enumerate(zip(problems, added, strict=True))]
+    return agrees_at_any_pace(joints, IN_TIME)
 
 
 def _shown(panel: Panel, problem: JointProblem, effect: Effect, joint: int) -> list[Trial]:

@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 
+import numpy as np
+
 from ident.arrays import FloatArray
 from ident.effects.base import Term
 from ident.effects.survey import Survey
@@ -17,6 +19,7 @@ from ident.gap.lateness import turned_in_time
 from ident.gap.panel import Panel
 from ident.gap.rests import Rests, no_rests, rests_of
 from ident.gap.rows import gap_of, held_of, panel_of, survey_of
+from ident.gap.unsure import unsure_rows
 from ident.log import LogSource
 from ident.log_set import path_of
 from ident.model import CurrentModel
@@ -47,6 +50,7 @@ class Subject:
     panel: Panel = field(init=False)
     survey: Survey = field(init=False)
     gaps: list[JointGap] = field(init=False)
+    _turned: bool = field(default=False, init=False)
 
     def look(self) -> None:
         """Fit the model, gather the rows, and find whose rests are to be left out.
@@ -70,7 +74,14 @@ class Subject:
         return more
 
     def turn(self, late: FloatArray) -> bool:
-        """Look with signs of velocity that suit currents late by some seconds (n,); whether that makes a difference."""
+        """Look with signs of velocity that suit currents late by some seconds (n,); whether that makes a difference.
+
+        They were chosen before it was known that the current comes late, which blurs them. Done once, if the model is
+        fitted again at all.
+        """
+        if self._turned or not self.refit or not late.any():
+            return False
+        self._turned = True
         found = turned_in_time(self.model, self.train, self.rests, late)
         differs = any(new.effect != old.effect for new, old in zip(found.terms, self.model.terms, strict=True))
         if differs:
@@ -96,6 +107,12 @@ class Subject:
             return found
         left = found.moving(panel, ~panel.gather(self.rests.counts)[:, joint])
         return with_slight_edge(panel, left, self.model.terms)
+
+    def sure_gaps(self) -> list[JointGap]:
+        """Every joint's rows but those whose sign of velocity is noise."""
+        residuals = np.stack([gap.everywhere(self.panel) for gap in self.gaps], axis=1)
+        unsure = unsure_rows(self.model, self.panel, self.survey, residuals)
+        return [gap.without(unsure[:, gap.joint]) for gap in self.gaps]
 
     def fitted(self, model: CurrentModel, terms: Sequence[Term], spread: bool = True) -> CurrentModel:
         """Step 8: a model with what was found, refitted, or with the found terms added to it.

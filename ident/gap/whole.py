@@ -11,20 +11,16 @@ import numpy as np
 from ident.arrays import BoolArray, FloatArray, IntArray
 from ident.effects.base import Effect
 from ident.effects.survey import Survey
-from ident.effects.timing import Timing
 from ident.gap.abstain import explainable
-from ident.gap.agreement import IN_TIME, Predicted, agrees_at_any_pace
-from ident.gap.belief import CERTAIN, ENOUGH, mostly, remembered_of
+from ident.gap.belief import CERTAIN, ENOUGH, remembered_of
+from ident.gap.borne_out import chance_in_all
 from ident.gap.candidates import Trial, forms, within_bounds
-from ident.gap.gate import MOVING
-from ident.gap.joint_gap import classes_of
-from ident.gap.on_all import TINY, OnAll, Whole, columns_of, likelihoods
+from ident.gap.on_all import TINY, OnAll, Whole, at_any_pace, columns_of, left_by, likelihoods, times_of
 from ident.gap.panel import Panel
 from ident.gap.problem import JointProblem, gain
-from ident.gap.search import GAIN, LEVEL, PRICE, RIVAL_LAW, Search, falls
-from ident.gap.settle import LAW
+from ident.gap.ranking import alternatives, by_motion, mostly_there, ranked
+from ident.gap.search import GAIN, LEVEL, PRICE, Search, falls
 from ident.gap.threads import in_threads
-from ident.uncertainty import correlation_time
 
 SHARE = 0.85
 """Share of what the best effects of single joints explain, together, that one cause of the whole robot must."""
@@ -71,11 +67,10 @@ def whole_effect(
             a cause of the whole robot need only explain more in all than that on its joint: the others bear it out.
     """
     judge = _Judge(panel, survey, searches, last, instead)
-    tried = forms(survey, None, present)
-    candidates = [OnAll(panel, searches, effect, judge.before, judge.least(effect)) for effect in tried]
+    candidates = [judge.on_all(effect) for effect in forms(survey, None, present)]
     for some in _by_promise(candidates):
         searched = in_threads(lambda pair: pair[0].searched(pair[1]), some)
-        found = judge.first(_ranked([whole for whole in searched if whole is not None]))
+        found = judge.first(ranked([whole for whole in searched if whole is not None]))
         if found is not None:
             return found
     return None
@@ -125,80 +120,56 @@ class _Judge:
     def _single(self) -> FloatArray:
         return likelihoods(self.problems, self._squares, self._best_single)
 
-    def least(self, effect: Effect) -> float:
-        """Gain in log-likelihood that what one joint has must promise: what it is held against on that joint tells."""
+    def on_all(self, effect: Effect) -> OnAll:
+        """An effect on all joints' rows; what one joint has must promise what it is held against there tells."""
         held_against = [effect.joint, None if self.instead is None else self.instead.joint]
-        return PROMISE * max((float(self._single[j]) for j in held_against if j is not None), default=0.0)
+        least = PROMISE * max((float(self._single[j]) for j in held_against if j is not None), default=0.0)
+        own = None if effect.joint is None else self.searches[effect.at]
+        return OnAll(self.panel, self.problems, effect, self.before, own, least)
 
     def first(self, ranking: Sequence[Whole]) -> Whole | None:
         """The first cause that holds."""
-        for best in self._by_motion(ranking):
+        for best in by_motion(self.panel, self.problems, ranking):
             after = best.held_out.sum(axis=1)
             gains = _gains(self._squares, after)
             # In every fold the joints together must gain: where some move little, others bear it out.
             repeats = falls(np.log(np.maximum(self.before, TINY) / np.maximum(best.held_out, TINY)).sum(axis=0))
-            if gains.min() < -GAIN or not repeats or not _mostly(best):
+            if gains.min() < -GAIN or not repeats or not mostly_there(best):
                 continue
             helped = _helped(self.panel, self.searches, best, self._squares, after)
             explained = likelihoods(self.problems, self._squares, after)
-            if len(helped) == 0 or _denied(explained / self._times(best)) or not self._shown(best, helped, explained):
-                continue
-            p_value = _p_value(self.panel, best, self.searches)
+            p_value = self._chance(best, helped, explained)
             if p_value <= LEVEL:
-                others = _alternatives(best, ranking, self._own(helped, explained))
+                others = alternatives(best, ranking, self._own(helped, explained))
                 found = self._in_full(best)
                 return replace(found, p_value=p_value, alternatives=others, joint=int(np.argmax(explained)))
         return None
 
-    def _by_motion(self, ranking: Sequence[Whole]) -> list[Whole]:
-        """The ranking, but of laws of when the current comes the one first that tells motion best.
-
-        Which way a joint that stands is about to move is noise, which a filter takes away from its dry friction.
-        """
-        timing = [(whole, whole.effect) for whole in ranking if isinstance(whole.effect, Timing)]
-        near = [(one, effect) for one, effect in timing if one.standing >= LAW * timing[0][0].standing]
-        if len(near) < 2:
-            return list(ranking)
-        best, _ = max(near, key=lambda pair: self._in_motion(pair[0], pair[1].counts_as))
-        place = ranking.index(timing[0][0])
-        return [*ranking[:place], best, *(whole for whole in ranking[place:] if whole is not best)]
-
-    def _in_motion(self, whole: Whole, parameters: int) -> float:
-        """Gain in log-likelihood of what a cause explains of rows in which joints move, less the price of parameters.
-
-        By the shape that its law means, if that is near, and Schwarz (1978); a sample is as long as what is left is
-        like itself.
-        """
-        law = whole if whole.law is None else whole.law
-        gained, rows = 0.0, 0
-        for j, problem in enumerate(self.problems):
-            moving = classes_of(self.panel, problem, j) >= MOVING
-            left = _left(self.panel, problem, law, j)[moving]
-            before, after = float(np.sum(problem.residual[moving] ** 2)), float(np.sum(left**2))
-            gained += 0.5 * len(left) * np.log(max(before, TINY) / max(after, TINY))
-            rows += len(left)
-        time = float(self._times(law).mean())
-        return float(gained - PRICE * 0.5 * parameters * time * np.log(max(rows / time, 2.0)))
+    def _chance(self, best: Whole, helped: IntArray, explained: FloatArray) -> float:
+        """Chance of a cause where there is nothing (p-value); 1 if it does not hold."""
+        borne_out = chance_in_all(self.panel, self.problems, best)
+        if borne_out <= LEVEL:
+            return borne_out
+        told = explained / times_of(self.panel, self.problems, best)
+        if len(helped) == 0 or _denied(told) or not self._shown(best, helped, explained):
+            return 1.0
+        return _p_value(self.panel, best, self.searches)
 
     def _in_full(self, named: Whole) -> Whole:
         """A linear cause with more of its law, if that pays for its parameters: Schwarz (1978), independent samples."""
         for more in named.effect.fuller(self.survey) if not named.effect.shapes else []:
-            full = OnAll(self.panel, self.searches, more, self.before).at(named.shape)
+            full = self.on_all(more).at(named.shape)
             if full is not None and self._pays(named, full):
                 return full
         return named
 
     def _pays(self, named: Whole, full: Whole) -> bool:
-        times = self._times(full)
+        times = times_of(self.panel, self.problems, full)
         explained = likelihoods(self.problems, named.held_out.sum(axis=1), full.held_out.sum(axis=1)) / times
         samples = float(np.sum([len(p) for p in self.problems] / times))
         # What the motion does not show stays nought.
         more = np.count_nonzero(full.coefficients) - np.count_nonzero(named.coefficients)
         return bool(explained.sum() > PRICE * 0.5 * more * np.log(samples))
-
-    def _times(self, whole: Whole) -> FloatArray:
-        """Correlation times (n,) [samples] of what a cause leaves of every joint."""
-        return np.array([correlation_time(_left(self.panel, p, whole, j)) for j, p in enumerate(self.problems)])
 
     def _alone(self, helped: IntArray, explained: FloatArray) -> bool:
         """Whether a cause shows on one joint alone."""
@@ -231,26 +202,7 @@ class _Judge:
             exhausted = [j for j in helped.tolist() if _exhausts(self.panel, self.survey, self.problems[j], best, j)]
             shown = bool(explained[exhausted].sum() >= SETTLED * explained[helped].sum())
         # Play is there where the load changes sides, which slow motion need not do.
-        return shown and (best.effect.family == "hysteresis" or _at_any_pace(self.panel, self.problems, best))
-
-
-def _ranked(tried: Sequence[Whole]) -> tuple[Whole, ...]:
-    """Causes, best first; of rivals whose laws explain about the same, what explains more with any coefficients.
-
-    No law is exact, nor is the model beside it: small errors of it must not choose between a delay and a filter.
-    """
-    ranking = sorted(tried, key=lambda w: -w.standing)
-    for k in range(len(ranking) - 1):
-        first, second = ranking[k : k + 2]
-        close = first.effect.rivals_with(second.effect) and second.standing >= LAW * first.standing
-        if close and second.likelihood > first.likelihood:
-            ranking[k : k + 2] = second, first
-    return tuple(ranking)
-
-
-def _mostly(whole: Whole) -> bool:
-    """Whether at least half of what a law means is there, as of a current that passes a filter."""
-    return whole.law is not None or mostly(whole.effect, whole.shape, lambda: whole.coefficients)
+        return shown and (best.effect.family == "hysteresis" or at_any_pace(self.panel, self.problems, best))
 
 
 def _helped(panel: Panel, searches: Sequence[Search], whole: Whole, squares: FloatArray, after: FloatArray) -> IntArray:
@@ -269,12 +221,6 @@ def _helped(panel: Panel, searches: Sequence[Search], whole: Whole, squares: Flo
 def _denied(told: FloatArray) -> bool:
     """Whether some joints deny what others say, (n,), by independent samples, of which a slow residual has few."""
     return bool(-told[told < 0.0].sum() > DENIED * told[told > 0.0].sum())
-
-
-def _at_any_pace(panel: Panel, problems: Sequence[JointProblem], whole: Whole) -> bool:
-    added = (columns_of(panel, whole, j)[p.keep] for j, p in enumerate(problems))
-    joints = [Predicted.of(panel, p, j, force) for j, (p, force) in enumerate(zip(problems, added, strict=True))]
-    return agrees_at_any_pace(joints, IN_TIME)
 
 
 def _stands_alone(whole: Whole, single: Trial | None, likelihoods: FloatArray, singles: FloatArray, joint: int) -> bool:
@@ -306,33 +252,9 @@ def _rivals(likelihoods: FloatArray, single: FloatArray, affected: BoolArray, he
     return bool(most or likelihoods.sum() >= SHARE * single[bear].sum())
 
 
-def _alternatives(best: Whole, ranking: Sequence[Whole], own: Sequence[tuple[Trial, float, float]]) -> dict[str, Trial]:
-    """Names that explain nearly as much, or nearly so of a rival, whose laws are closer than either is to the truth.
-
-    Args:
-        best: the cause that is named.
-        ranking: all that were tried.
-        own: effects of one joint instead, each with what it explains and what the cause does there.
-    """
-    tried = [(Trial(other.effect, other.shape, 0.0), other.likelihood, best.likelihood) for other in ranking]
-    tried += own
-    names: dict[str, Trial] = {}
-    for trial, explained, by_best in tried:
-        share = 1.0 - RIVAL_LAW if best.effect.rivals_with(trial.effect) else LAW
-        if trial.effect.name != best.effect.name and explained >= share * by_best:
-            names.setdefault(trial.effect.name, trial)
-    return names
-
-
-def _left(panel: Panel, problem: JointProblem, whole: Whole, joint: int) -> FloatArray:
-    """What (N,) a cause leaves of a joint's rows that count."""
-    rest = problem.target - columns_of(panel, whole, joint)[problem.keep]
-    return problem.away(rest[:, None])[:, 0]
-
-
 def _exhausts(panel: Panel, survey: Survey, problem: JointProblem, whole: Whole, joint: int) -> bool:
     """Whether the effect leaves next to nothing on a joint that could still be explained, or that has a memory."""
-    before, after = problem.residual, _left(panel, problem, whole, joint)
+    before, after = problem.residual, left_by(panel, problem, whole, joint)
     squares = float(after @ after)
     explained = float(before @ before) - squares
     if explained < ENOUGH * remembered_of(panel, problem, after) * squares:

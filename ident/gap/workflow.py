@@ -8,7 +8,6 @@ from dataclasses import replace
 import numpy as np
 from threadpoolctl import threadpool_limits
 
-from ident.arrays import BoolArray
 from ident.current_unit import check_unit
 from ident.errors import InputError
 from ident.gap.abstain import explainable
@@ -21,7 +20,6 @@ from ident.gap.subject import Subject
 from ident.gap.threads import in_threads
 from ident.gap.torque_constant import wrong_gain
 from ident.gap.touch import Touches, find_touches, undisturbed
-from ident.gap.unsure import unsure_rows
 from ident.gap.velocity_lag import new_lag
 from ident.log import JointLog, LogSource
 from ident.log_set import check_together
@@ -91,28 +89,16 @@ def _find_gap(
     while refit and (gain := wrong_gain(subject)) is not None:
         subject.learn(gain)
     contacts: list[Touches] = []
-    turned = not refit
     while True:
-        causes = name_causes(subject, ~_unsure(subject), lambda share: tell("trying effects", share))
-        if subject.leave_out(causes.stuck):
+        causes = name_causes(subject, lambda share: tell("trying effects", share))
+        if causes is None or subject.leave_out(causes.stuck) or subject.turn(causes.lateness(subject.panel)):
             continue
-        # Signs of velocity were chosen before it was known that the current comes late, which blurs them.
-        if not turned and (late := causes.lateness(subject.panel)).any():
-            turned = True
-            if subject.turn(late):
-                continue
         found = _touches(subject, causes) if len(contacts) < ROUNDS else None
         if found is None:
             return reporter.report(causes, contacts)
         contacts.append(found)
         subject.train = found.cut(subject.panel, subject.train)
         subject.look()
-
-
-def _unsure(subject: Subject) -> BoolArray:
-    """Rows (N, n) whose sign of velocity is noise."""
-    residuals = np.stack([gap.everywhere(subject.panel) for gap in subject.gaps], axis=1)
-    return unsure_rows(subject.model, subject.panel, subject.survey, residuals)
 
 
 def _touches(subject: Subject, causes: Causes) -> Touches | None:

@@ -1,7 +1,6 @@
 """Causes of the whole robot, told from what single joints might have."""
 
 from dataclasses import replace
-from types import SimpleNamespace
 
 import numpy as np
 import planar_arm
@@ -14,11 +13,12 @@ from ident.effects.attached import GravityBalancer, Payload
 from ident.effects.rigid_body import CableSpring
 from ident.effects.timing import Delay, FilterLag
 from ident.effects.transmission import Elasticity
-from ident.gap import baseline_model, find_gap
+from ident.gap import baseline_model, find_gap, ranking
 from ident.gap.candidates import Trial
 from ident.gap.on_all import Whole
+from ident.gap.ranking import by_motion, mostly_there, ranked
 from ident.gap.rows import gap_of, panel_of, survey_of
-from ident.gap.whole import _denied, _exhausts, _Judge, _mostly, _ranked, _rivals, _stands_alone
+from ident.gap.whole import _denied, _exhausts, _Judge, _rivals, _stands_alone
 from ident.log import JointLog
 from ident.robot import load_robot
 
@@ -104,8 +104,8 @@ def test_small_errors_of_a_model_do_not_choose_between_a_delay_and_a_filter(stan
 
     delay, lag = whole(Delay(None), standing, 103.0), whole(FilterLag(None), 100.0, 102.0)
     payload = whole(Payload(None), 99.5, 104.0)
-    assert _ranked([delay, lag])[0].effect.name == first
-    assert _ranked([payload, lag])[0] is lag
+    assert ranked([delay, lag])[0].effect.name == first
+    assert ranked([payload, lag])[0] is lag
 
 
 @pytest.mark.parametrize(
@@ -116,22 +116,21 @@ def test_motion_chooses_between_a_delay_and_a_filter(monkeypatch, moving, standi
         return Whole(effect, np.zeros(1), np.zeros(1), np.zeros((1, 4)), standing, standing)
 
     gains = {"delay": 10.0, "filter-lag": 10.0 + moving}
-    monkeypatch.setattr(_Judge, "_in_motion", lambda judge, one, parameters: gains[one.effect.name])
-    judge = _Judge(None, None, [], False, None)
+    monkeypatch.setattr(ranking, "_in_motion", lambda panel, problems, one, parameters: gains[one.effect.name])
     effects = Payload(None), Delay(None), Delay(None), FilterLag(None)
     payload, delay, late, lag = map(whole, effects, (120.0, 100.0, 99.0, standing))
-    found = judge._by_motion([payload, delay, late, lag])
+    found = by_motion(None, [], [payload, delay, late, lag])
     assert found[0] is payload
     assert found[1].effect.name == first
     assert len(found) == 4
-    assert judge._by_motion([payload]) == [payload]
+    assert by_motion(None, [], [payload]) == [payload]
 
 
 @pytest.mark.parametrize(("share", "there"), [(0.17, False), (0.9, True)])
 def test_most_of_the_current_passes_a_filter(share, there):
     lag = Whole(FilterLag(None), np.array([2.7]), np.array([share]), np.zeros((6, 4)), 100.0, 90.0)
-    assert _mostly(lag) is there
-    assert _mostly(replace(lag, law=lag))
+    assert mostly_there(lag) is there
+    assert mostly_there(replace(lag, law=lag))
 
 
 @pytest.mark.parametrize("late", [True, False])
@@ -144,12 +143,11 @@ def test_a_delay_and_a_filter_each_tell_their_own_logs_motion_best(arm, late):
     train = [planar_arm.delayed(log, 0.015) if late else filtered(log) for log in planar_arm.logs(arm, 1)]
     model = baseline_model(arm, train)
     panel = panel_of(model, train)
-    searches = [SimpleNamespace(problem=gap_of(model, panel, j).problem(panel)) for j in range(2)]
-    judge = _Judge(panel, survey_of(model, panel), searches, False, None)
+    problems = [gap_of(model, panel, j).problem(panel) for j in range(2)]
     delay = Whole(Delay(None), np.array([0.015]), np.array([0.015]), np.zeros((2, 4)), 100.0, 100.0)
     lag = Whole(FilterLag(None), np.array([1.0 / (2.0 * np.pi * 0.015)]), np.ones(1), np.zeros((2, 4)), 101.0, 100.0)
-    assert judge._by_motion([lag, delay])[0].effect.name == ("delay" if late else "filter-lag")
-    assert judge._by_motion([delay, lag])[0].effect.name == ("delay" if late else "filter-lag")
+    assert by_motion(panel, problems, [lag, delay])[0].effect.name == ("delay" if late else "filter-lag")
+    assert by_motion(panel, problems, [delay, lag])[0].effect.name == ("delay" if late else "filter-lag")
 
 
 @pytest.mark.parametrize(

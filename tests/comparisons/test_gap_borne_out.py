@@ -1,0 +1,64 @@
+"""A current that comes late by too little to show on one joint: all joints together tell of it."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from comparisons.hidden_effects.cases import Case, Hidden, make
+from ident.effects.attached import Payload
+from ident.effects.timing import Delay
+from ident.gap import baseline_model, borne_out
+from ident.gap.borne_out import chance_in_all, late_on_all
+from ident.gap.on_all import Whole
+from ident.gap.problem import gain
+from ident.gap.search import GAIN, LEVEL
+from ident.gap.subject import Subject
+
+
+def seen(*hidden: Hidden, style: str = "noisy"):
+    made = make(Case("vs060", hidden, 12, style=style))
+    subject = Subject(baseline_model(made.robot, made.train), made.train, True)
+    subject.look()
+    gaps = subject.sure_gaps()
+    found = late_on_all(subject.panel, subject.survey, gaps, ())
+    return found, [gap.problem(subject.panel) for gap in gaps]
+
+
+def test_a_filter_that_explains_a_hundredth_of_each_joint_is_told_by_all():
+    found, problems = seen(Hidden("filter-lag", None, 0.7))
+    before = np.array([p.errors().total for p in problems])
+    gains = [gain(b, a) for b, a in zip(before, found.held_out.sum(axis=1), strict=True)]
+    assert found.effect.name in ("filter-lag", "delay")
+    assert found.p_value <= LEVEL
+    assert np.median(gains) < GAIN
+
+
+@pytest.mark.parametrize("hidden", [(), (Hidden("stribeck", 1, 2.0),), (Hidden("load-friction", 2, 2.0),)])
+def test_joints_do_not_bear_out_what_is_not_there(hidden):
+    found, _ = seen(*hidden)
+    assert found is None
+
+
+@pytest.mark.parametrize(
+    ("shares", "errors", "there"),
+    [
+        ([1.1, 0.8, 1.3, 0.9], 0.1, True),
+        ([1.1, 0.8, 1.3, 0.1], 0.1, False),  # one denies it
+        ([1.1, 0.8, 1.3, 0.1], (0.1, 0.1, 0.1, 1.0), True),  # one cannot say
+        ([1.1, 0.8, 0.1, 0.1], (0.1, 0.1, 1.0, 1.0), False),  # two tell
+        ([1.1, 0.8, 1.3, 1.6], 0.1, False),  # one asks for too much
+    ],
+)
+def test_joints_that_tell_ask_for_as_much_as_there_is(monkeypatch, shares, errors, there):
+    told = list(zip(shares, np.broadcast_to(errors, 4), strict=True))
+    monkeypatch.setattr(borne_out, "_share", lambda panel, problem, whole, joint: told[joint])
+    monkeypatch.setattr(borne_out, "at_any_pace", lambda *_: True)
+    late, lead = (
+        Whole(Delay(None, sample=0.02), np.array([0.01]), np.array([s]), np.zeros((4, 4)), 1.0, 1.0)
+        for s in (0.01, -0.01)
+    )
+    assert (chance_in_all(None, [None] * 4, late) <= LEVEL) is there
+    assert chance_in_all(None, [None] * 4, lead) == 1.0
+    payload = Whole(Payload(None), np.zeros(0), np.ones(4), np.zeros((4, 4)), 1.0, 1.0)
+    assert chance_in_all(None, [None] * 4, payload) == 1.0
