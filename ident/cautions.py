@@ -81,17 +81,20 @@ def sign_warnings(model: CurrentModel, held: Sequence[Block]) -> list[str]:
     ]
 
 
-def misfit_warnings(robot: Robot, train: FloatArray, test: FloatArray) -> list[str]:
+def misfit_warnings(robot: Robot, train: FloatArray, test: FloatArray, touched: bool = False) -> list[str]:
     """Name joints that a model predicts far worse in test logs, RMS error (n,), than in train logs (n,).
 
     Args:
         robot: the robot.
         train: NaN where not known.
         test: of the same model.
+        touched: whether contact was cut out of the train logs.
     """
+    unlike = "they hold what those do not show, as another load, a touch or a flipped sign"
+    why = "contact was cut out of those alone, or " + unlike if touched else unlike
     return [
         f"Joint {j + 1} ({robot.joints[j]}) errs {test[j] / train[j]:.0f} times as much on the test logs as on the "
-        "train logs: they hold what those do not show, as another load, a touch or a flipped sign."
+        f"train logs: {why}."
         for j in np.flatnonzero(test > WORSE * train)
     ]
 

@@ -52,6 +52,9 @@ WORDS = {
     "filter-lag": "the current passes a filter",
     "contact": "something touched the arm",
 }
+EARLY = "the current comes early, or the positions late"
+"""What is said of a delay of less than no time."""
+
 ANGLE, FORCE = "{angle}", "{current}"
 UNITS = {
     **{"mass": "kg", "seconds": "s", "hertz": "Hz", "roll": "rad", "pitch": "rad"},
@@ -94,7 +97,10 @@ def sentence(found: GapReport, finding: Finding) -> str:
     where, figures = finding.where, _figures(found, finding)
     if finding.effect == "delay" and not finding.terms:
         where = "Logged velocities come late and are derived from the positions instead. " + where
-    text = f"{where}: {WORDS.get(finding.effect, finding.effect)} ({finding.effect}; {figures})"
+    seconds = finding.parameters.get("seconds")
+    early = finding.effect == "delay" and isinstance(seconds, float) and seconds < 0.0
+    words = EARLY if early else WORDS.get(finding.effect, finding.effect)
+    text = f"{where}: {words} ({finding.effect}; {figures})"
     if found.evidence is not None and finding.effect != "contact":
         number = found.findings.index(finding)
         # Rests of joints that stick would hide what became of the rest.
@@ -107,6 +113,8 @@ def sentence(found: GapReport, finding: Finding) -> str:
         change = "falls" if less > HARDLY else "hardly changes," if less > -HARDLY else "does not fall: it goes"
         text += f"; the gap on test logs{part} {change} from {before[joint]:.3g} to {after[joint]:.3g} {unit}"
         text += f"{f' on joint {joint + 1}' if everywhere else ''}, noise floor {found.noise_floor[joint]:.3g}"
+        if everywhere and (worse := np.flatnonzero(after > (1.0 + HARDLY) * before).tolist()):
+            text += f", and rises on joint {', '.join(str(j + 1) for j in worse)}"
     text += "."
     if finding.alternatives:
         text += f" These logs cannot tell it from {', '.join(finding.alternatives)}."

@@ -44,8 +44,8 @@ AROUND = 0.15
 TURNS = 0.1
 """Seconds around a row in which a joint is slow or turns that go with it: its friction jumps there."""
 
-MOST = 0.5
-"""Share of what a law means that must be there for its name."""
+MOST, TWICE = 0.5, 2.0
+"""Share of what a law means that must be there for its name, and may: of a delay over a span, seconds of that span."""
 
 WORTH_SAYING = 0.06
 """Share of a joint's squared residual that must be explainable for it to be called unexplained."""
@@ -72,9 +72,12 @@ def _mostly(panel: Panel, gap: JointGap, one: Named, named: Sequence[Named]) -> 
 
 
 def mostly(effect: Effect, shape: FloatArray, coefficients: Callable[[], FloatArray]) -> bool:
-    """Whether most of what a law means is there, if it means any coefficients; only then are they asked for."""
+    """Whether most of what a law means is there, and not far more; only if it means coefficients are they asked for."""
     meant = effect.plain(shape)
-    return meant is None or bool(np.all(coefficients() > MOST * meant))
+    if meant is None:
+        return True
+    found = coefficients()
+    return bool(np.all((found > MOST * meant) & (found < TWICE * meant)))
 
 
 def _allowed(panel: Panel, survey: Survey, gap: JointGap, named: list[Named]) -> float | None:

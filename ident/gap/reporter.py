@@ -135,7 +135,7 @@ class Reporter:
         return GapReport(
             self.start.model, model, tuple(findings), tuple(nameless), tuple(missing), maps[0], maps[1],
             panel, survey, (before, after), causes.p_values, shown, subject.rests.joints,
-            (*self._warnings(findings, within), *self._misfit(shown, after + own[1])),
+            (*self._warnings(findings, within), *self._misfit(shown, after + own[1], bool(contacts))),
         )  # fmt: skip
 
     def _denied(self, causes: Causes, findings: Sequence[Finding]) -> list[Named]:
@@ -181,13 +181,16 @@ class Reporter:
             *error_warnings(model.robot, within),
         )
 
-    def _misfit(self, shown: Evidence | None, left: FloatArray) -> list[str]:
-        """Which joints the model delivered predicts far worse on test logs than it leaves (N, n) of train logs."""
+    def _misfit(self, shown: Evidence | None, left: FloatArray, touched: bool) -> list[str]:
+        """Which joints the model delivered predicts far worse on test logs than it leaves (N, n) of train logs.
+
+        From those contact was cut out if anything touched the arm.
+        """
         if shown is None:
             return []
         rows = np.maximum(np.isfinite(left).sum(axis=0), 1)
         known = np.sqrt(np.nansum(left**2, axis=0) / rows) / self.subject.model.gain
-        return misfit_warnings(self.subject.model.robot, known, shown.moving[-1])
+        return misfit_warnings(self.subject.model.robot, known, shown.moving[-1], touched)
 
     def _whole_finding(self, whole: Whole, gap: JointGap, named: Sequence[Named]) -> Finding:
         """A cause of the whole robot and the joint that shows most of it; its figures are yet to come."""

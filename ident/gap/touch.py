@@ -11,6 +11,8 @@ from scipy.ndimage import find_objects, label
 
 from ident.arrays import BoolArray, FloatArray, IntArray
 from ident.effects.survey import Survey
+from ident.gap.abstain import explainable
+from ident.gap.belief import WORTH_SAYING
 from ident.gap.candidates import Trial
 from ident.gap.gate import MOVING, speed_classes
 from ident.gap.joint_gap import JointGap
@@ -108,6 +110,38 @@ def undisturbed(gap: JointGap, panel: Panel, named: Sequence[Trial] = ()) -> Flo
         left = gap.everywhere(panel, named, kept)
     usual, bent = (np.median(np.abs(_averaged(panel, x))[gap.keep]) for x in (left, plain))
     return np.where(told, left if usual < BENT * bent else plain, 0.0)
+
+
+def unpredicted_touches(panel: Panel, survey: Survey, residuals: FloatArray, named: FloatArray) -> Touches:
+    """Find contact as `find_touches` does, but for bursts that the motion predicts: those are effects not named.
+
+    Unless it is touches that other joints show which are predicted: they may come where the robot is alike.
+    """
+    found = find_touches(panel, survey, residuals, named)
+    predicted = _predicted(panel, survey, residuals, found.joints, np.ones(len(panel), dtype=bool))
+    if not predicted:
+        return found
+    found = find_touches(panel, survey, _without(residuals, predicted), named)
+    elsewhere = _predicted(panel, survey, residuals, predicted, ~found.rows)
+    if not found.episodes or elsewhere == predicted:
+        return found
+    return find_touches(panel, survey, _without(residuals, elsewhere), named)
+
+
+def _predicted(
+    panel: Panel, survey: Survey, residuals: FloatArray, joints: Sequence[int], rows: BoolArray
+) -> list[int]:
+    """Those of some joints whose residuals (N, n) the motion predicts in some rows (N,)."""
+    kept = np.flatnonzero(rows)
+    shares = {j: explainable(panel, survey, j, residuals[kept, j], kept).share for j in joints}
+    return [j for j, share in shares.items() if share >= WORTH_SAYING]
+
+
+def _without(residuals: FloatArray, joints: Sequence[int]) -> FloatArray:
+    """Residuals (N, n) of which those of some joints are not known."""
+    left = residuals.copy()
+    left[:, joints] = 0.0
+    return left
 
 
 def find_touches(panel: Panel, survey: Survey, residuals: FloatArray, named: FloatArray) -> Touches:

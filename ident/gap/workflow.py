@@ -10,8 +10,6 @@ from threadpoolctl import threadpool_limits
 
 from ident.current_unit import check_unit
 from ident.errors import InputError
-from ident.gap.abstain import explainable
-from ident.gap.belief import WORTH_SAYING
 from ident.gap.clocks import on_one_clock
 from ident.gap.naming import Causes, name_causes
 from ident.gap.report import GapReport
@@ -19,7 +17,7 @@ from ident.gap.reporter import Reporter, Start
 from ident.gap.subject import Subject
 from ident.gap.threads import in_threads
 from ident.gap.torque_constant import wrong_gain
-from ident.gap.touch import Touches, find_touches, undisturbed
+from ident.gap.touch import Touches, undisturbed, unpredicted_touches
 from ident.gap.velocity_lag import new_lag
 from ident.log import JointLog, LogSource
 from ident.log_set import check_together
@@ -116,12 +114,5 @@ def _touches(subject: Subject, causes: Causes) -> Touches | None:
             explained[gap.keep, joint] = (undisturbed(gap, panel) - left)[gap.keep]
 
     in_threads(see, range(subject.model.n))
-    found = find_touches(panel, survey, residuals, explained)
-    # A burst that the motion predicts is an effect that was not named, and no touch.
-    everything = np.arange(len(panel))
-    shares = {j: explainable(panel, survey, j, residuals[:, j], everything).share for j in found.joints}
-    predicted = [j for j, share in shares.items() if share >= WORTH_SAYING]
-    if predicted:
-        residuals[:, predicted] = 0.0
-        found = find_touches(panel, survey, residuals, explained)
+    found = unpredicted_touches(panel, survey, residuals, explained)
     return found if found.episodes else None

@@ -7,12 +7,12 @@ import numpy as np
 import pytest
 from planar_arm import NOISE, RATE, logs, motion, record, structure
 
-from ident.gap import baseline_model, find_gap
+from ident.gap import baseline_model, find_gap, touch
 from ident.gap.panel import Panel
 from ident.gap.report import ITS_SIZE, Unexplained
 from ident.gap.reporter import _clear
 from ident.gap.rows import panel_of
-from ident.gap.touch import SHORTEST, Touches, _pieces, find_touches
+from ident.gap.touch import SHORTEST, Touches, _pieces, find_touches, unpredicted_touches
 
 
 def test_contact_is_cut_out_also_where_links_had_bent_to_it(arm):
@@ -136,6 +136,25 @@ def test_faint_touches_do_not_hide_those_of_several_joints(arm):
     assert find_touches(panel, survey, noise + push[:, None], nothing).episodes == 2
     # A law unknown of one joint makes both as well.
     assert find_touches(panel, survey, noise + push[:, None] * np.array([0.0, 1.0]), nothing).episodes == 0
+
+
+def test_touches_that_the_motion_happens_to_predict_are_touches_if_another_joint_shows_them(arm, monkeypatch):
+    log, rng = record(arm, 1), np.random.default_rng(0)
+    panel = panel_of(baseline_model(arm, [log]), [log])
+    survey = SimpleNamespace(smoothing=np.full(2, 2e-3), holds=np.full(2, 0.02))
+    nothing, rows = np.zeros((len(panel), 2)), np.arange(len(panel))
+    push = 2.0 * (np.abs(rows - 1000) < 40)[:, None] + 0.1 * rng.standard_normal((len(panel), 2))
+
+    def predicts(share):
+        def explainable(panel, survey, joint, residual, kept):
+            everywhere = len(kept) == len(panel)
+            return SimpleNamespace(share=0.0 if joint == 0 else 0.5 if everywhere else share)
+
+        monkeypatch.setattr(touch, "explainable", explainable)
+        return unpredicted_touches(panel, survey, push, nothing)
+
+    assert predicts(0.0).joints == (0, 1)
+    assert predicts(0.5).joints == (0,)
 
 
 def test_bursts_among_much_that_follows_the_motion_are_no_contact():

@@ -126,7 +126,7 @@ def test_motion_chooses_between_a_delay_and_a_filter(monkeypatch, moving, standi
     assert by_motion(None, [], [payload]) == [payload]
 
 
-@pytest.mark.parametrize(("share", "there"), [(0.17, False), (0.9, True)])
+@pytest.mark.parametrize(("share", "there"), [(0.17, False), (0.9, True), (2.5, False)])
 def test_most_of_the_current_passes_a_filter(share, there):
     lag = Whole(FilterLag(None), np.array([2.7]), np.array([share]), np.zeros((6, 4)), 100.0, 90.0)
     assert mostly_there(lag) is there
