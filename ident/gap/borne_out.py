@@ -96,4 +96,4 @@ def _share(panel: Panel, problem: JointProblem, whole: Whole, joint: int) -> tup
     square = max(float(column @ column), TINY)
     share = float(column @ problem.residual) / square
     left: FloatArray = problem.residual - share * column
-    return share, float(np.sqrt(correlation_time(left) * max(np.mean(left**2), TINY) / square))
+    return share, float(np.sqrt(correlation_time(left) * max(float(np.mean(left**2)), TINY) / square))

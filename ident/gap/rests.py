@@ -39,7 +39,7 @@ AROUND = 1.0
 RESTS, MOVES = 0.02, 0.03
 """Share of the rows that must be rests for them to be looked at, and motion for it to tell what is usual."""
 
-STILL, MOSTLY = 0.25, 0.5
+STILL, MOSTLY = 0.25, 0.4
 """A joint that sticks is slower than this share of the speed below which it stands in that share of its slow rows; one
 that turns round passes through them, and is as often at each speed."""
 
@@ -62,8 +62,9 @@ ALL = 0.75
 HELD = 2.0
 """Dry friction holds this many times its force in motion at most, as joints break away."""
 
-RATTLES, QUIETER = 2.0, 0.25
-"""What dry friction holds is quiet: its noise is at most this many times that in motion, told by a quarter of rows."""
+RATTLES, QUIETER, SEEN = 2.0, 0.25, 20
+"""What dry friction holds is quiet: its noise is at most this many times that in motion, told by a quarter of rows; by
+those in which the joint is slow, if they are so many: the others of a short rest are of how it stops and starts."""
 
 SWINGS, HUNTS, PERIODS = 0.7, 0.15, 2.0
 """Where a drive hunts, share of what rests hold that is not the mean of each, share of that in one line, and periods of
@@ -156,12 +157,14 @@ def rests_of(model: CurrentModel, panel: Panel, survey: Survey) -> Rests:
     rests = panel.gather(lambda block: stands(of_motors(block, coupling), speed, around))
     noise = noise_at_turns(model, panel, survey)
     pace = panel.gather(lambda block: np.abs(of_motors(block, coupling).motion.dq))
-    stops = (pace < STILL * speed).sum(axis=0) > MOSTLY * (pace < speed).sum(axis=0)
+    slow = pace < speed
+    stops = (pace < STILL * speed).sum(axis=0) > MOSTLY * slow.sum(axis=0)
     share = rests.mean(axis=0)
     may = stops & (share >= RESTS) & (share <= 1.0 - MOVES)
 
     def sticking(gap: JointGap, times: float) -> bool:
-        return bool(may[gap.joint]) and _sticks(panel, survey, gap, rests[:, gap.joint], noise[:, gap.joint], times)
+        j = gap.joint
+        return bool(may[j]) and _sticks(panel, survey, gap, rests[:, j], slow[:, j], noise[:, j], times)
 
     yields = survey.presliding > 0.0
     sticks = in_company(sticking, gaps, np.where(yields, BESIDE, STICKS), yields)
@@ -188,12 +191,14 @@ def in_company(
     return np.array(found, dtype=bool)
 
 
-def _sticks(panel: Panel, survey: Survey, gap: JointGap, rest: BoolArray, noise: FloatArray, times: float) -> bool:
+def _sticks(
+    panel: Panel, survey: Survey, gap: JointGap, rest: BoolArray, slow: BoolArray, noise: FloatArray, times: float
+) -> bool:
     left = gap.without(rest).everywhere(panel)
     usual, held, by_noise = contrast(left, rest, noise)
     if not holds(usual, held, by_noise, times, float(survey.holds[gap.joint])):
         return False
-    if _rattles(panel.force[:, gap.joint], left, rest) or _hunts(panel, left, rest):
+    if _rattles(panel.force[:, gap.joint], left, rest, slow) or _hunts(panel, left, rest):
         return False
     return not _told(panel, survey, gap, rest, usual, by_noise)
 
@@ -208,15 +213,21 @@ def holds(usual: float, held: float, by_noise: float, times: float, dry: float) 
     return times * usual + SHAKEN * by_noise <= held <= (HELD * dry) ** 2 + usual
 
 
-def _rattles(force: FloatArray, left: FloatArray, rest: BoolArray) -> bool:
+def _rattles(force: FloatArray, left: FloatArray, rest: BoolArray, slow: BoolArray) -> bool:
     """Whether rests are noisier than motion, by the quieter rows: where a joint turns round its force jumps."""
 
     def noise(values: FloatArray, rows: BoolArray) -> float:
-        inside = rows[2:] & rows[1:-1] & rows[:-2]
-        return float(np.quantile(np.abs(np.diff(values, 2))[inside], QUIETER)) if inside.any() else 0.0
+        return float(np.quantile(np.abs(np.diff(values, 2))[rows], QUIETER)) if rows.any() else 0.0
 
+    stands = _inside(rest & slow)
     # The model's own sign of velocity flickers at rest; in motion the force's own slope would count as noise.
-    return noise(force, rest) > RATTLES * noise(left, ~rest)
+    held = noise(force, stands if stands.sum() >= SEEN else _inside(rest))
+    return held > RATTLES * noise(left, _inside(~rest))
+
+
+def _inside(rows: BoolArray) -> BoolArray:
+    """Rows (N - 2,) whose neighbours are among those rows (N,), too."""
+    return rows[2:] & rows[1:-1] & rows[:-2]
 
 
 def _hunts(panel: Panel, left: FloatArray, rest: BoolArray) -> bool:

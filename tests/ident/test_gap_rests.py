@@ -15,7 +15,7 @@ from ident.gap import rests as rests_module
 from ident.gap.edge import edge_columns, with_slight_edge
 from ident.gap.evidence import evidence
 from ident.gap.joint_gap import JointGap
-from ident.gap.rests import Rests, _hunts, find_rests, in_company
+from ident.gap.rests import Rests, _hunts, _rattles, find_rests, in_company
 from ident.gap.rows import panel_of, survey_of
 from ident.gap.search import search
 from ident.identification import identify
@@ -146,6 +146,15 @@ def test_a_drive_that_rattles_at_rest_is_unexplained_and_not_left_out(arm):
     found = found_in(arm, held=0.0, hidden=lambda q, dq, stands: stands * 0.4 * rng.standard_normal(len(q)))
     assert found.rests == ()
     assert [one.joints for one in found.unexplained] == [(1,)]
+
+
+@pytest.mark.parametrize(("standing", "rattles"), [(24, False), (8, True)])
+def test_how_a_joint_stops_and_starts_is_no_rattling(standing, rattles):
+    rng, rows = np.random.default_rng(0), np.arange(2000)
+    rest, slow = rows % 100 < 40, rows % 100 < standing
+    slow &= rest & (rows < 100 if rattles else True)
+    force = rng.standard_normal(2000) * np.where(slow, 1.0, 20.0)
+    assert _rattles(force, rng.standard_normal(2000), rest, slow) is rattles
 
 
 def test_a_load_at_rest_is_more_than_dry_friction_holds(arm):
@@ -322,7 +331,7 @@ def test_noise_of_the_velocity_counts_only_where_the_sign_turns(arm, monkeypatch
     panel = panel_of(model, train)
     survey, seen = survey_of(model, panel), []
     monkeypatch.setattr(
-        rests_module, "_sticks", lambda panel, survey, gap, rest, noise, times: seen.append(noise) or False
+        rests_module, "_sticks", lambda panel, survey, gap, rest, slow, noise, times: seen.append(noise) or False
     )
     monkeypatch.setattr(rests_module, "shaken", lambda model, panel, survey: np.ones((len(panel), 2)))
     rests_module.rests_of(model, panel, survey)
