@@ -12,7 +12,7 @@ from ident.effects.base import Effect
 from ident.effects.rigid_body import CableSpring
 from ident.gap import baseline_model
 from ident.gap.candidates import Trial
-from ident.gap.experiment import Joined, Question, separating, with_motion
+from ident.gap.experiment import PLAIN, Joined, Question, separating, with_motion
 from ident.gap.joint_gap import JointGap
 from ident.gap.rows import panel_of, survey_of
 from ident.gap.settle import next_experiment
@@ -62,8 +62,14 @@ def test_the_next_experiment_is_the_motion_on_which_two_names_differ(arm):
     assert not same.settles
     # The sigmoid misses .042 of that power, the power .2 of the sigmoid; in force units it is the other way round.
     steady = {"steady": joined(moved(3.0))}
-    assert not separating(replace(question, other=replace(power, shape=np.array([0.6]))), steady).settles
-    assert separating(replace(question, other=replace(power, shape=np.array([0.9]))), steady).settles
+    quiet = replace(question, residual=0.1 * NOISE)
+    near, far = (replace(quiet, other=replace(power, shape=np.array([exponent]))) for exponent in (0.6, 0.9))
+    assert not separating(near, steady).settles
+    assert separating(far, steady).settles
+    # What is left hides it.
+    loud = replace(far, residual=NOISE)
+    assert separating(loud, steady).ratio < PLAIN
+    assert not separating(loud, steady).settles
 
 
 def balancers(arm, *trials):
