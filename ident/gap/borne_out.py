@@ -33,8 +33,9 @@ TELLS = 3.0
 LEAST_JOINTS, MOST = 3, 2.0 / 3.0
 """Joints, and share of all, that must tell of it: two may agree by chance."""
 
-ALIKE = 0.3
-"""Share by which joints may ask for more or less than all agree on beside that: no model of a joint is exact."""
+ALIKE, HARDLY = 0.3, 1.0
+"""Share by which joints may ask for more or less than all agree on beside that: no model of a joint is exact; and at a
+shape that was not searched for yet."""
 
 
 def late_on_all(panel: Panel, survey: Survey, gaps: Sequence[JointGap], present: Sequence[Effect]) -> Whole | None:
@@ -52,7 +53,7 @@ def late_on_all(panel: Panel, survey: Survey, gaps: Sequence[JointGap], present:
     begun = in_threads(OnAll.begun, tried)
     # Most logs are in time: that is seen before anything is searched.
     best = max((one for one in begun if one is not None), key=lambda one: one.likelihood, default=None)
-    if best is None or _chance(panel, problems, best) > LEVEL:
+    if best is None or _chance(panel, problems, best, HARDLY) > LEVEL:
         return None
     searched = in_threads(lambda pair: pair[0].searched(pair[1]), zip(tried, begun, strict=True))
     ranking = ranked([one for one in searched if one is not None])
@@ -78,14 +79,14 @@ def chance_in_all(panel: Panel, problems: Sequence[JointProblem], whole: Whole) 
     return _chance(panel, problems, whole if whole.law is None else whole.law)
 
 
-def _chance(panel: Panel, problems: Sequence[JointProblem], law: Whole) -> float:
+def _chance(panel: Panel, problems: Sequence[JointProblem], law: Whole, alike: float = ALIKE) -> float:
     """The same of as much of a cause as there is; 1 if it makes no current late."""
     if not isinstance(law.effect, Timing) or law.effect.lateness(law.shape, law.coefficients) <= 0.0:
         return 1.0
     found, error = np.array([_share(panel, problem, law, j) for j, problem in enumerate(problems)]).T
     tells = np.sum(found > TELLS * error) >= max(LEAST_JOINTS, MOST * len(problems))
-    alike = np.all(np.abs(found - 1.0) < np.hypot(TELLS * error, ALIKE))
-    if not (tells and alike and at_any_pace(panel, problems, law)):
+    agree = np.all(np.abs(found - 1.0) < np.hypot(TELLS * error, alike))
+    if not (tells and agree and at_any_pace(panel, problems, law)):
         return 1.0
     return max(float(stats.chi2.sf(np.sum((found / error) ** 2), len(problems))), LEAST)
 
