@@ -76,7 +76,7 @@ def chance_in_all(panel: Panel, problems: Sequence[JointProblem], whole: Whole) 
     """
     if whole.law is None and whole.effect.plain(whole.shape) is not None:
         return 1.0
-    return _chance(panel, problems, whole if whole.law is None else whole.law)
+    return _chance(panel, problems, whole.as_meant)
 
 
 def _chance(panel: Panel, problems: Sequence[JointProblem], law: Whole, alike: float = ALIKE) -> float:

@@ -81,8 +81,9 @@ def name_causes(subject: Subject, tell: Callable[[float], None]) -> Causes | Non
     tell(0.0)
     gaps = subject.sure_gaps()
     late = late_on_all(subject.panel, subject.survey, gaps, _known(subject, []))
-    wholes = [] if late is None else [late]
+    wholes: list[Whole] = []
     if late is not None:
+        wholes.append(late)
         if subject.turn(_lateness(subject.panel, wholes)):
             return None
         gaps = _without(subject, gaps, late)

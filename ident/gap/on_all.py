@@ -60,6 +60,11 @@ class Whole:
     joint: int = 0
     law: Whole | None = None
 
+    @property
+    def as_meant(self) -> Whole:
+        """The same as its law means it, where that explains nearly as much; else itself."""
+        return self if self.law is None else self.law
+
 
 @dataclass(frozen=True, eq=False)
 class OnAll:

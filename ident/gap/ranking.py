@@ -52,7 +52,7 @@ def _in_motion(panel: Panel, problems: Sequence[JointProblem], whole: Whole, par
     By the shape that its law means, if that is near, and Schwarz (1978); a sample is as long as what is left is
     like itself.
     """
-    law = whole if whole.law is None else whole.law
+    law = whole.as_meant
     gained, rows = 0.0, 0
     for j, problem in enumerate(problems):
         moving = classes_of(panel, problem, j) >= MOVING

@@ -198,7 +198,7 @@ class Reporter:
         own = replace(gap, target=gap.target + columns_of(self.subject.panel, whole, gap.joint))
         besides, one = [n.trial for n in named], Trial(effect, whole.shape, 0.0)
         experiments = {name: self._experiment(own, one, other, besides) for name, other in whole.alternatives.items()}
-        joints, law = () if effect.joint is None else (effect.joint,), whole.law or whole
+        joints, law = () if effect.joint is None else (effect.joint,), whole.as_meant
         left, all_of_it = (rows.problem(self.subject.panel, besides).errors().total for rows in (gap, own))
         return Finding(
             effect.name, effect.family, joints, {}, whole.p_value, tuple(whole.alternatives),

@@ -219,9 +219,9 @@ def _rattles(force: FloatArray, left: FloatArray, rest: BoolArray, slow: BoolArr
     def noise(values: FloatArray, rows: BoolArray) -> float:
         return float(np.quantile(np.abs(np.diff(values, 2))[rows], QUIETER)) if rows.any() else 0.0
 
-    stands = _inside(rest & slow)
+    still = _inside(rest & slow)
     # The model's own sign of velocity flickers at rest; in motion the force's own slope would count as noise.
-    held = noise(force, stands if stands.sum() >= SEEN else _inside(rest))
+    held = noise(force, still if still.sum() >= SEEN else _inside(rest))
     return held > RATTLES * noise(left, _inside(~rest))
 
 

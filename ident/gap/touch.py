@@ -122,8 +122,10 @@ def unpredicted_touches(panel: Panel, survey: Survey, residuals: FloatArray, nam
     if not predicted:
         return found
     found = find_touches(panel, survey, _without(residuals, predicted), named)
+    if not found.episodes:
+        return found
     elsewhere = _predicted(panel, survey, residuals, predicted, ~found.rows)
-    if not found.episodes or elsewhere == predicted:
+    if elsewhere == predicted:
         return found
     return find_touches(panel, survey, _without(residuals, elsewhere), named)
 
