@@ -6,7 +6,7 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 
-from ident.effects.base import Term
+from ident.effects.base import Effect, Term
 from ident.effects.elapsed import PAUSE
 from ident.effects.electrical import SensorDrift
 from ident.effects.thermal import ThermalFriction
@@ -61,6 +61,13 @@ def by_own_clock(model: CurrentModel, clock: Clock) -> CurrentModel:
         return model
     terms = [_own(term, clock) if term.effect.name in CLOCKED else term for term in model.terms]
     return replace(model, terms=tuple(terms))
+
+
+def begun_again(effect: Effect, begin: float) -> Effect:
+    """An effect that begins anew in each log, as it holds where one more begins at a time stamp [s]."""
+    if isinstance(effect, SensorDrift | ThermalFriction) and effect.begins:
+        return replace(effect, begins=(*effect.begins, begin))
+    return effect
 
 
 def _own(term: Term, clock: Clock) -> Term:

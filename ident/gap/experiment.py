@@ -14,11 +14,13 @@ import numpy as np
 from ident.arrays import FloatArray
 from ident.cutoff import HIGHEST_SHARE
 from ident.effects.base import Effect
+from ident.effects.elapsed import PAUSE
 from ident.effects.survey import Survey
 from ident.gap.candidates import Trial, admissible, best_shape, best_start, force_of, kind_of, refine
+from ident.gap.clocks import begun_again
 from ident.gap.joint_gap import JointGap
 from ident.gap.panel import Panel
-from ident.log import JointLog
+from ident.log import JointLog, Later
 from ident.model import CurrentModel
 from ident.walk import collect
 
@@ -68,26 +70,51 @@ class Question:
     residual: float
     survey: Survey
 
+    def with_log_at(self, begin: float) -> Question:
+        """The same where one more log begins at a time stamp [s], for names by which each does so anew."""
+        one, other, *besides = (
+            replace(trial, effect=begun_again(trial.effect, begin)) for trial in (self.one, self.other, *self.besides)
+        )
+        survey = self.survey
+        if survey.begins:
+            survey = replace(survey, begins=(*survey.begins, begin))
+        return replace(self, one=one, other=other, besides=tuple(besides), survey=survey)
+
 
 @dataclass(frozen=True, eq=False)
-class Joined:
-    """Rows of logs with those of a motion behind them.
+class Continued:
+    """Rows of logs with those of a motion behind them, recorded next.
 
     Attributes:
         panel: all of them.
-        gap: the joint's baseline on them.
         added: how many rows the motion has.
+        begin: time stamp [s] at which it begins.
     """
 
     panel: Panel
-    gap: JointGap
     added: int
+    begin: float
 
 
-def with_motion(model: CurrentModel, panel: Panel, commanded: JointLog) -> tuple[Panel, int]:
-    """Put a commanded motion's rows behind some of a panel's, and say how many they are."""
+@dataclass(frozen=True, eq=False)
+class Joined:
+    """A joint's baseline on such rows.
+
+    Attributes:
+        logs: the rows.
+        gap: the joint's baseline on them.
+    """
+
+    logs: Continued
+    gap: JointGap
+
+
+def with_motion(model: CurrentModel, panel: Panel, commanded: JointLog) -> Continued:
+    """Put a commanded motion's rows behind some of a panel's, on their clock."""
+    begin = max(float(block.motion.t[-1]) for block in panel.blocks) + PAUSE
     # Logs may be sampled faster than the motion.
-    blocks = collect([commanded], min(model.cutoff, HIGHEST_SHARE * commanded.rate))
+    next_one = Later(commanded, begin - float(commanded.t[0]))
+    blocks = collect([next_one], min(model.cutoff, HIGHEST_SHARE * commanded.rate))
     contexts = [model.context(block.motion, total=True) for block in blocks]
     own = [np.flatnonzero(block.keep) for block in blocks]
     every = max(1, sum(len(r) for r in own) // ROWS)
@@ -97,8 +124,8 @@ def with_motion(model: CurrentModel, panel: Panel, commanded: JointLog) -> tuple
     fold = np.zeros(added + sum(len(r[::thin]) for r in panel.rows), dtype=np.int64)
     fold[1::2] = 1
     rows = [*(r[::thin] for r in panel.rows), *own]
-    joined = Panel(panel.model, [*panel.blocks, *blocks], [*panel.contexts, *contexts], rows, fold)
-    return joined, added
+    both = Panel(panel.model, [*panel.blocks, *blocks], [*panel.contexts, *contexts], rows, fold)
+    return Continued(both, added, begin)
 
 
 def separating(question: Question, motions: Mapping[str, Joined]) -> Experiment:
@@ -131,6 +158,7 @@ class _Difference:
 
 def _difference(question: Question, joined: Joined, refined: bool) -> _Difference:
     """How far two names differ the way round in which they differ less."""
+    question = question.with_log_at(joined.logs.begin)
     both = [
         _unfollowed(truth, rival, question, joined, refined)
         for truth, rival in ((question.one, question.other), (question.other, question.one))
@@ -140,7 +168,7 @@ def _difference(question: Question, joined: Joined, refined: bool) -> _Differenc
 
 def _unfollowed(truth: Trial, rival: Trial, question: Question, joined: Joined, refined: bool) -> _Difference:
     """Compare with a rival that is fitted to all rows of what the truth says, in each of its forms."""
-    panel, gap = joined.panel, joined.gap
+    panel, gap = joined.logs.panel, joined.gap
     problem = replace(gap, target=_said(truth, question.besides, joined)).problem(panel, question.besides)
     rivals = [rival]
     if refined:
@@ -150,7 +178,7 @@ def _unfollowed(truth: Trial, rival: Trial, question: Question, joined: Joined, 
     lefts = [problem.left(admissible(panel, problem, r.effect, r.shape, gap.joint)) for r in rivals]
     left = min(lefts, key=lambda one: float(one @ one))
     explained = float(problem.residual @ problem.residual)
-    there = problem.keep >= len(panel) - joined.added
+    there = problem.keep >= len(panel) - joined.logs.added
     on_motion = float(np.sqrt(np.mean(left[there] ** 2))) if there.any() else 0.0
     return _Difference(on_motion, float(left @ left) / max(explained, 1e-300))
 
@@ -163,7 +191,7 @@ def _other_forms(effect: Effect, survey: Survey) -> list[Effect]:
 
 def _said(truth: Trial, besides: Sequence[Trial], joined: Joined) -> FloatArray:
     """Force (N,) of an effect as fitted to the logs' own rows."""
-    panel, gap = joined.panel, joined.gap
-    logs = np.arange(len(panel)) < len(panel) - joined.added
+    panel, gap = joined.logs.panel, joined.gap
+    logs = np.arange(len(panel)) < len(panel) - joined.logs.added
     problem = gap.without(~logs).problem(panel, besides)
     return force_of(panel, problem, truth, gap.joint)

@@ -16,13 +16,12 @@ from ident.gap.belief import unexplained
 from ident.gap.candidates import Trial
 from ident.gap.clocks import by_own_clock, clock_warnings
 from ident.gap.evidence import Evidence, evidence, negative_control
-from ident.gap.experiment import Experiment, Joined, Question, separating, with_motion
+from ident.gap.experiment import Continued, Experiment, Joined, Question, separating, with_motion
 from ident.gap.joint_gap import JointGap, Named
 from ident.gap.localise import gap_map
 from ident.gap.naming import Causes
 from ident.gap.on_all import Whole, columns_of
 from ident.gap.own_errors import share_within
-from ident.gap.panel import Panel
 from ident.gap.preflight import untestable
 from ident.gap.report import Finding, GapReport, Unexplained
 from ident.gap.rows import left_by
@@ -230,15 +229,15 @@ class Reporter:
         turns = turning(subject.panel, subject.survey)[:, gap.joint]
         noisy = bool(turns.any()) and gap.keep[turns].mean() < 0.5
         joined = {}
-        for name, (panel, added) in self._joined.items():
+        for name, logs in self._joined.items():
             # Where these logs' rests and reversals tell nothing, the motion's would not either.
-            hidden = turning(panel, subject.survey)[:, gap.joint] & noisy
-            joined[name] = Joined(panel, subject.gap(panel, gap.joint).without(hidden), added)
+            hidden = turning(logs.panel, subject.survey)[:, gap.joint] & noisy
+            joined[name] = Joined(logs, subject.gap(logs.panel, gap.joint).without(hidden))
         rms = float(np.sqrt(np.mean(left**2)))
         return separating(Question(one, other, tuple(besides), rms, subject.survey), joined)
 
     @cached_property
-    def _joined(self) -> dict[str, tuple[Panel, int]]:
+    def _joined(self) -> dict[str, Continued]:
         """Each motion's rows behind the logs'."""
         subject = self.subject
         return {name: with_motion(subject.model, subject.panel, motion) for name, motion in self.motions.items()}

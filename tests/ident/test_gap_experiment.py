@@ -10,8 +10,10 @@ from ident.effects import load_catalogue
 from ident.effects.attached import GravityBalancer
 from ident.effects.base import Effect
 from ident.effects.rigid_body import CableSpring
+from ident.effects.thermal import ThermalFriction
 from ident.gap import baseline_model
 from ident.gap.candidates import Trial
+from ident.gap.clocks import on_one_clock
 from ident.gap.experiment import PLAIN, Joined, Question, separating, with_motion
 from ident.gap.joint_gap import JointGap
 from ident.gap.rows import panel_of, survey_of
@@ -43,10 +45,10 @@ def test_the_next_experiment_is_the_motion_on_which_two_names_differ(arm):
         return JointLog(t=t, q=q, current=np.zeros_like(q))
 
     def joined(motion):
-        both, added = with_motion(model, panel, motion)
-        v = both.velocity[:, 1]
+        both = with_motion(model, panel, motion)
+        v = both.panel.velocity[:, 1]
         matrix = np.stack([np.tanh(v / 2e-3), v, np.ones(len(v))], axis=1)
-        return Joined(both, JointGap(1, matrix, both.force[:, 1], np.ones(len(v), dtype=bool), ()), added)
+        return Joined(both, JointGap(1, matrix, both.panel.force[:, 1], np.ones(len(v), dtype=bool), ()))
 
     motions = {name: joined(moved(speed)) for name, speed in (("fast", 4.0), ("slow", 0.08))}
     question = Question(sigmoid, power, (), NOISE, survey_of(model, panel))
@@ -54,7 +56,8 @@ def test_the_next_experiment_is_the_motion_on_which_two_names_differ(arm):
     alone = separating(question, {"slow": motions["slow"]})
     assert found.motion == "fast"  # a power of speed grows on, a sigmoid does not
     assert found.ratio > 1.2 * alone.ratio
-    rows = np.arange(len(motions["fast"].panel)) >= len(motions["fast"].panel) - motions["fast"].added
+    fast = motions["fast"].logs
+    rows = np.arange(len(fast.panel)) >= len(fast.panel) - fast.added
     unseen = replace(motions["fast"], gap=motions["fast"].gap.without(rows))
     assert separating(question, {"fast": unseen}).ratio == 0.0
     same = separating(replace(question, other=sigmoid), motions)
@@ -77,9 +80,10 @@ def balancers(arm, *trials):
     train = logs(arm, 1, hidden=lambda t, q, dq: 2.0 * np.sin(q[:, 1] - 0.5))
     model = baseline_model(arm, train)
     panel = panel_of(model, train)
-    both, added = with_motion(model, panel, train[0])
-    matrix = np.stack([np.tanh(both.velocity[:, 1] / 2e-3), np.ones(len(both))], axis=1)
-    joined = Joined(both, JointGap(1, matrix, both.force[:, 1], np.ones(len(both), dtype=bool), ()), added)
+    both = with_motion(model, panel, train[0])
+    v = both.panel.velocity[:, 1]
+    matrix = np.stack([np.tanh(v / 2e-3), np.ones(len(v))], axis=1)
+    joined = Joined(both, JointGap(1, matrix, both.panel.force[:, 1], np.ones(len(v), dtype=bool), ()))
     return separating(Question(*trials, (), NOISE, survey_of(model, panel)), {"again": joined})
 
 
@@ -101,6 +105,27 @@ def test_a_motion_may_be_sampled_slower_than_the_logs(arm):
     model = replace(baseline_model(arm, train), cutoff=20.0)
     t, q, _, _ = motion(4)
     slow = JointLog(t=t[::4], q=q[::4], current=np.zeros_like(q[::4]))
-    panel, added = with_motion(model, panel_of(model, train), slow)
-    assert 0 < added <= len(slow)
-    assert np.isfinite(panel.velocity).all()
+    both = with_motion(model, panel_of(model, train), slow)
+    assert 0 < both.added <= len(slow)
+    assert np.isfinite(both.panel.velocity).all()
+
+
+def test_a_motion_is_recorded_after_the_logs_and_begins_cold_where_each_of_them_does(arm):
+    train = logs(arm, 2)
+    model = baseline_model(arm, train)
+    one_clock, clock = on_one_clock(model, train)
+    panel = panel_of(model, one_clock)
+    both = with_motion(model, panel, train[0])
+    t = both.panel.motion.t
+    assert both.begin > t[: -both.added].max()
+    assert t[-both.added :].min() >= both.begin
+    survey = survey_of(model, panel, clock.begins)
+    heat = [e for e in ThermalFriction.candidates(survey, 1) if e.begins]
+    gain = Trial(load_catalogue()["drive-gain"](1), np.zeros(0), 0.0)
+    question = Question(Trial(heat[0], np.array([60.0, 0.5]), 0.0), gain, (), NOISE, survey).with_log_at(both.begin)
+    changes = both.panel.columns(question.one.effect, question.one.shape, 1)
+    assert np.abs(changes).max() < 10.0
+    # Cold joints have changed by nothing yet.
+    size = np.abs(changes[:, 1])
+    new = size[-both.added :]
+    assert new[: len(new) // 20].max() < 0.3 * new.max()
