@@ -125,6 +125,13 @@ NEUTRAL = tuple((0.25 * np.arange(-13, 14)).tolist())
 """Neutral angles [rad] from which a balancer's is searched: closer to one another than its side maxima."""
 
 
+LIGHT = 0.1
+"""Share of a joint's friction below which its links' weight is none that anybody balances."""
+
+IDLE = 5
+"""Parameters that a balancer of such a joint pays for: a few hundredths, by which no law is exact, must not name it."""
+
+
 @dataclass(frozen=True)
 class GravityBalancer(Effect):
     """A spring between two pins that relieves a joint of gravity (Chung et al. 2016).
@@ -135,9 +142,11 @@ class GravityBalancer(Effect):
     Attributes:
         ideal: a spring without free length, which balances a weight wherever it is (Herder 2001): the pins' distance
             does not show.
+        idle: whether the joint has no weight to be relieved of, as one about the vertical.
     """
 
     ideal: bool = False
+    idle: bool = False
 
     name = "gravity-balancer"
     family = "rigid-body"
@@ -148,7 +157,14 @@ class GravityBalancer(Effect):
     @classmethod
     def candidates(cls, survey: Survey, joint: int | None) -> list[Effect]:
         """Try it on turning joints."""
-        return [] if joint is None or survey.robot.multibody.prismatic[joint] else [cls(joint)]
+        if joint is None or survey.robot.multibody.prismatic[joint]:
+            return []
+        return [cls(joint, idle=bool(survey.weight[joint] < LIGHT * survey.friction[joint]))]
+
+    @property
+    def charged(self) -> int:
+        """Those of `IDLE` where nothing is to be balanced: hoses pull on such joints, too."""
+        return IDLE if self.idle else 0
 
     def plainer(self) -> list[Effect]:
         """Return that without free length: over a part of the way the pins' distance hardly shows."""

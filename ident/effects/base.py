@@ -204,6 +204,11 @@ class Effect(ABC):
         return False
 
     @property
+    def charged(self) -> int:
+        """How many parameters more than it has it pays for, where it is an unlikely cause; a class may set it."""
+        return 0
+
+    @property
     def measured_on(self) -> int | None:
         """The joint whose position ``{angle}`` stands for in units: its own, unless another's motion drives it."""
         return self.joint

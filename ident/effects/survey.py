@@ -23,6 +23,8 @@ class Survey:
         pace: mean speed (n,) [rad/s or m/s].
         friction: friction force (n,) of each joint at its mean speed, in the model's force unit.
         viscous: share (n,) of it that is viscous.
+        weight: largest force (n,) by which the links' weight loads each joint in the logs, by the URDF, in the model's
+            force unit.
         largest: largest force (n,) that a model of the logs gives, in its force unit.
         per_newton_metre: force units per N m of each joint, (n,).
         links: inertial parameters (10 n,) of the links [SI], the likeliest by URDF and model.
@@ -50,6 +52,7 @@ class Survey:
     pace: FloatArray
     friction: FloatArray
     viscous: FloatArray
+    weight: FloatArray
     largest: FloatArray
     per_newton_metre: FloatArray
     links: FloatArray

@@ -76,6 +76,7 @@ def survey_of(model: CurrentModel, panel: Panel, begins: tuple[float, ...] = (),
         pace=speed.mean(axis=0),
         friction=dry + viscous,
         viscous=np.clip(viscous / np.maximum(dry + viscous, 1e-12), 0.0, 1.0),
+        weight=np.abs(_weight(panel)).max(axis=0) * bodies.per_newton_metre,
         largest=np.abs(panel.seen("total")).max(axis=0),
         per_newton_metre=bodies.per_newton_metre,
         links=bodies.parameters,
@@ -166,6 +167,13 @@ def _load_ratio(model: CurrentModel, panel: Panel, nominal: FloatArray) -> Float
             square = float(nominal[:, j] @ nominal[:, j])
             ratio[j] = float(nominal[:, j] @ load[:, j]) / square if square > 0 else 1.0
     return ratio
+
+
+def _weight(panel: Panel) -> FloatArray:
+    """What the links of the URDF load each joint with (N, n) that stands where the rows are [N m or N]."""
+    q, arm = panel.motion.q, panel.robot.multibody
+    rest = np.zeros_like(q)
+    return panel.robot.rigid_body.inverse_dynamics(q, rest, rest, arm.parameters)
 
 
 def _motor(panel: Panel, nominal: FloatArray) -> FloatArray:

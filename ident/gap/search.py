@@ -292,5 +292,5 @@ def penalised(trial: Trial) -> float:
     """Held-out error with a price on every parameter."""
     if trial.errors is None:
         return np.inf
-    parameters = len(trial.shape) + trial.columns
+    parameters = len(trial.shape) + trial.columns + trial.effect.charged
     return trial.errors.total * (1.0 + 2.0 * PARSIMONY * parameters)

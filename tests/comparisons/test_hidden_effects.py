@@ -180,7 +180,7 @@ def test_laws_are_not_in_the_span_of_the_catalogues_columns(name, rows):
     context = Context(maker.robot, motion, scene.torque, links, scene.known)
     survey = Survey(
         robot=maker.robot, smoothing=np.full(n, 2e-3), presliding=np.zeros(n), presliding_exponent=np.ones(n),
-        pace=np.abs(scene.dq).mean(0), friction=maker.coulomb, viscous=np.zeros(n),
+        pace=np.abs(scene.dq).mean(0), friction=maker.coulomb, viscous=np.zeros(n), weight=np.ones(n),
         largest=np.abs(scene.known).max(0), per_newton_metre=np.ones(n), links=maker.parameters, load_ratio=np.ones(n),
         since=0.0, lasts=60.0, logged=1.0, begins=(0.0,), rate=100.0, reach=np.ptp(scene.q, axis=0),
         middle=scene.q.min(axis=0) + 0.5 * np.ptp(scene.q, axis=0), holds=maker.coulomb, steps=maker.coulomb,

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from conftest import ARM
 from planar_arm import NOISE, RATE, friction, logs
 from scipy.interpolate import CubicSpline
 
@@ -12,6 +13,7 @@ from ident.gap.search import search
 from ident.gap.settle import BLOCKS, _beats, alternatives
 from ident.gap.whole import _Judge
 from ident.log import JointLog
+from ident.robot import load_robot
 
 
 def creep(arm, seed):
@@ -68,6 +70,19 @@ def test_a_balancer_of_which_logs_do_not_tell_the_lever_is_sized_without_free_le
     assert trial.effect.ideal
     (size,) = coefficients(panel, found.problem, trial, 1)
     assert (trial.shape, abs(size)) == (pytest.approx([0.1], abs=0.15), pytest.approx(0.35, rel=0.1))
+
+
+@pytest.mark.parametrize(
+    ("down", "name"), [((0.0, 0.0, -9.81), "gravity-balancer"), ((0.0, -9.81, 0.0), "cable-spring")]
+)
+def test_no_balancer_is_named_of_a_joint_without_weight_while_a_cable_does_as_well(write_card, down, name):
+    arm = load_robot(write_card("arm", ARM, f'current_unit = "A"\ngravity = {list(down)}'))
+    train = logs(arm, 1, hidden=lambda t, q, dq: np.sin(q[:, 1]))
+    model = baseline_model(arm, train)
+    panel = panel_of(model, train)
+    found = search(panel, survey_of(model, panel), gap_of(model, panel, 1))
+    assert found.winner(panel).effect.name == name
+    assert {t.effect.idle for t in trials_of(found, "gravity-balancer")} == {name == "cable-spring"}
 
 
 def test_a_law_that_fits_best_where_it_ends_is_open_if_a_usual_shape_of_it_does_as_well(crept):
