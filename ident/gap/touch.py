@@ -39,7 +39,8 @@ make both."""
 
 STILL = 3.0
 """A joint slower than this many times the speed over which its sign of velocity turns may stand: its dry friction then
-takes up whatever is smaller than itself, and that is no touch unless another joint shows it."""
+takes up whatever is smaller than itself, and that is no touch unless another joint shows it that does not stand, or it
+comes and goes while both stand: what friction holds stays until the joint moves on."""
 
 SETTLED, STIRS = 1e-2, 1e-3
 """Displacements from where a log begins over which a joint's friction remembers what came before it, which no log
@@ -161,9 +162,12 @@ def find_touches(panel: Panel, survey: Survey, residuals: FloatArray, named: Flo
     sure = np.abs(averaged) > least + still * survey.holds
     shortest, margin = max(2, round(SHORTEST / step)), max(1, round(MARGIN / step))
     bursts = _lasting(high, edges, shortest)
+    surely = np.zeros_like(bursts)
     for j, a, b in _pieces(bursts, edges):
-        others = np.delete(bursts[a:b], j, axis=1).any(axis=1)
-        touched[a:b, j] = (sure[a:b, j] | others).mean() > 0.5
+        surely[a:b, j] = sure[a:b, j].mean() > 0.5
+    for j, a, b in _pieces(bursts, edges):
+        others = (bursts if _stands_on(still[:, j], edges, a, b, margin) else surely)[a:b]
+        touched[a:b, j] = (surely[a:b, j] | np.delete(others, j, axis=1).any(axis=1)).mean() > 0.5
     position = panel.motion.q
     for j, a, b in list(_pieces(touched, edges)):
         free = (residuals[:, j] != 0.0) & ~still[:, j]
@@ -214,6 +218,13 @@ def _pieces(marked: BoolArray, edges: IntArray) -> Iterator[tuple[int, int, int]
         for first, end in itertools.pairwise(edges.tolist()):
             for (rows,) in find_objects(label(marked[first:end, j])[0]):
                 yield j, first + rows.start, first + rows.stop
+
+
+def _stands_on(still: BoolArray, edges: IntArray, first: int, end: int, margin: int) -> bool:
+    """Whether a joint that stands in some rows (N,) does so between two rows, and that many before and after them."""
+    block = int(np.searchsorted(edges, first, side="right")) - 1
+    start, stop = int(edges[block]), int(edges[block + 1])
+    return bool(still[max(first - margin, start) : min(end + margin, stop)].all())
 
 
 def _begins(position: FloatArray, edges: IntArray, first: int, end: int, margin: int) -> bool:

@@ -67,6 +67,21 @@ def test_a_burst_is_held_against_what_is_usual_in_motion(arm, monkeypatch):
     assert find_touches(panel, survey, residuals, nothing).episodes == 1
 
 
+def test_what_joints_hold_together_until_they_move_on_is_no_touch_and_a_push_between_is(arm, monkeypatch):
+    log, rng = record(arm, 1), np.random.default_rng(0)
+    panel = panel_of(baseline_model(arm, [log]), [log])
+    survey = SimpleNamespace(smoothing=np.full(2, 2e-3), holds=np.array([0.5, 0.3]))
+    place = np.arange(len(panel)) % 500
+    velocity = np.where(place < 300, 0.5, 0.0)[:, None] * np.ones(2)
+    monkeypatch.setattr(Panel, "velocity", velocity)
+    nothing, noise = np.zeros((len(panel), 2)), 0.01 * rng.standard_normal((len(panel), 2))
+    for first, end, moves, episodes in ((2300, 2500, 0.0, 0), (2370, 2430, 0.0, 1), (2300, 2500, 0.5, 1)):
+        held = np.zeros((len(panel), 1))
+        held[first:end] = 0.25
+        velocity[2300:2500, 0] = moves  # what one joint shows that moves, another may feel as it stands
+        assert find_touches(panel, survey, noise + held, nothing).episodes == episodes
+
+
 def test_what_comes_back_with_an_angle_is_no_touch(arm):
     log, rng = record(arm, 1), np.random.default_rng(0)
     model = baseline_model(arm, [log])
