@@ -106,9 +106,10 @@ class _Guess:
 
     @classmethod
     def of(cls, model: CurrentModel) -> _Guess:
-        """What the URDF says, and nothing of rotors that the model has no term for."""
+        """What the URDF says; of rotors that the model does not tell from links, by a term of their own, nothing."""
         tree = model.robot.multibody.tree
-        shown = [term.effect.at for term in model.terms if isinstance(term.effect, RotorInertia)]
+        inertias = [term for term in model.terms if isinstance(term.effect, RotorInertia)]
+        shown = [term.effect.at for term in inertias if term.coefficients.any()]
         body = model.robot.multibody.parameters.reshape(-1, 10)
         mass = np.maximum(body[:, 0], max(LIGHTEST * body[:, 0].sum(), 1e-9))  # a URDF may have no masses
         away = np.maximum(np.linalg.norm(body[:, 1:4], axis=1) / mass, NEAREST)

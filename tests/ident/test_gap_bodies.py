@@ -36,7 +36,7 @@ def true_links(vs060):
     return links * (1.0 + 0.05 * np.random.default_rng(3).standard_normal(links.size))
 
 
-def model_of(robot, links, rotors=True, errors=None):
+def model_of(robot, links, rotors=0.1, errors=None):
     """A model of unknown gains whose rows are of the same links; without terms for rotors they are part of them."""
     terms = []
     for j, gain in enumerate(GAINS):
@@ -44,7 +44,8 @@ def model_of(robot, links, rotors=True, errors=None):
         fitted = gain * effect.base(robot).projection @ links
         known = np.zeros((len(fitted), 1)) if errors is None else errors(j, fitted)
         terms.append(Term(effect, coefficients=fitted, errors=known))
-    shown = [Term(RotorInertia(j), coefficients=np.array([0.1 * gain])) for j, gain in enumerate(GAINS) if rotors]
+    known = [] if rotors is None else enumerate(GAINS)
+    shown = [Term(RotorInertia(j), coefficients=np.array([rotors * gain])) for j, gain in known]
     return CurrentModel(robot, (*terms, *shown), 8.0, 100.0, np.ones(6), "A")
 
 
@@ -69,11 +70,13 @@ def test_weights_under_a_tilt_are_nearer_than_those_of_the_urdf(vs060, true_link
     assert off[0] < 0.5 * off[1]
 
 
-def test_a_rotor_that_is_part_of_its_links_inertia_bends_no_gain(vs060, true_links):
+@pytest.mark.parametrize("rotors", [None, 0.0])  # no term, or one that fits leave at nought beside the links
+def test_a_rotor_that_is_part_of_its_links_inertia_bends_neither_gain_nor_link(vs060, true_links, rotors):
     heavy = true_links.copy()
     heavy[9] += 40.0 * true_links[9]  # of the first link, which turns about z alone
-    with_rotor = bodies_of(model_of(vs060, heavy, rotors=False)).per_newton_metre / GAINS
-    assert np.ptp(with_rotor) < 0.02
+    found = bodies_of(model_of(vs060, heavy, rotors=rotors))
+    assert np.ptp(found.per_newton_metre / GAINS) < 0.02
+    np.testing.assert_allclose(found.parameters.reshape(-1, 10)[:, 0], true_links.reshape(-1, 10)[:, 0], rtol=0.15)
 
 
 def test_a_joint_whose_row_tells_no_gain_has_what_is_usual(vs060, true_links):
@@ -124,7 +127,7 @@ def test_rotors_of_sliding_joints_are_no_gain(gantry, rotor):
 
 
 def test_the_search_for_gains_has_the_gradient_of_its_measure(vs060, true_links):
-    model = model_of(vs060, true_links, rotors=False, errors=lambda joint, fitted: np.diag(0.02 * np.abs(fitted)))
+    model = model_of(vs060, true_links, rotors=None, errors=lambda joint, fitted: np.diag(0.02 * np.abs(fitted)))
     urdf = _Guess.of(model)
     rows = _Rows.of([_Row.of(model, term, urdf) for term in model.terms], urdf)
     place = np.append(np.log(rows.start), [-2.0, -3.0, 1.0])
