@@ -147,9 +147,11 @@ def gap_report(found: GapReport, test: Sequence[LogSource], note: Provenance) ->
     for finding in found.findings:
         report.text(sentence(found, finding))
         if finding.next_experiment:
-            files = ", ".join(f"experiments/{name}.csv" for name in dict.fromkeys(finding.motions.values()))
+            motions = dict.fromkeys(one.motion for one in finding.experiments.values())
+            files = ", ".join(f"experiments/{name}.csv" for name in motions)
             where = f" Commanded positions: {files}." if files else ""
-            report.text(f"What would settle it: {finding.next_experiment}.{where}")
+            what = "settle it" if finding.motions or not files else "tell most"
+            report.text(f"What would {what}: {finding.next_experiment}.{where}")
     if found.findings:
         _table(report, found)
     report.section("Where the gap is")

@@ -11,6 +11,7 @@ from ident.arrays import FloatArray
 from ident.effects.base import Term
 from ident.effects.survey import Survey
 from ident.gap.evidence import Evidence
+from ident.gap.experiment import Experiment
 from ident.gap.localise import GapMap
 from ident.gap.panel import Panel
 from ident.gap.preflight import Untestable
@@ -35,7 +36,7 @@ class Finding:
         explained: share by which it lowered the held-out squared residual of its joint, or of the one that shows most
             of it; None of what was found or cut out before the effects were tried.
         control: what the negative control gained, as a share of the RMS residual; None for the whole robot.
-        motions: by alternative, the name of the motion, of those that the workflow was given, that would settle it.
+        experiments: by alternative, the motion, of those that the workflow was given, that would tell most.
     """
 
     effect: str
@@ -48,7 +49,12 @@ class Finding:
     terms: tuple[Term, ...]
     explained: float | None
     control: float | None = None
-    motions: Mapping[str, str] = field(default_factory=dict)
+    experiments: Mapping[str, Experiment] = field(default_factory=dict)
+
+    @property
+    def motions(self) -> dict[str, str]:
+        """By alternative, the name of the motion that would settle it, of those that one would."""
+        return {name: one.motion for name, one in self.experiments.items() if one.settles}
 
     @property
     def where(self) -> str:

@@ -202,7 +202,7 @@ class Reporter:
         return Finding(
             effect.name, effect.family, joints, {}, whole.p_value, tuple(whole.alternatives),
             next_experiment(effect.name, experiments), (_term(effect, law.shape, law.coefficients),),
-            1.0 - left / max(all_of_it, 1e-300), motions=_settling(experiments),
+            1.0 - left / max(all_of_it, 1e-300), experiments=_known(experiments),
         )  # fmt: skip
 
     def _joint_finding(self, gap: JointGap, named: Sequence[Named], one: Named, total: float) -> Finding:
@@ -215,7 +215,7 @@ class Reporter:
         return Finding(
             effect.name, effect.family, (gap.joint,), {}, one.p_value, tuple(rivals),
             next_experiment(effect.name, experiments), (_term(effect, trial.shape, found),),
-            one.explained / max(total, 1e-300), negative_control(panel, gap, named, one), _settling(experiments),
+            one.explained / max(total, 1e-300), negative_control(panel, gap, named, one), _known(experiments),
         )  # fmt: skip
 
     def _experiment(
@@ -275,9 +275,9 @@ def nil_warnings(findings: Sequence[Finding]) -> list[str]:
     ]
 
 
-def _settling(experiments: Mapping[str, Experiment | None]) -> dict[str, str]:
-    """The motion that would settle a name against each alternative of which one would."""
-    return {name: e.motion for name, e in experiments.items() if e is not None and e.settles}
+def _known(experiments: Mapping[str, Experiment | None]) -> dict[str, Experiment]:
+    """The experiments that there are."""
+    return {name: one for name, one in experiments.items() if one is not None}
 
 
 def _clear(touches: Touches, nameless: Sequence[Unexplained]) -> bool:

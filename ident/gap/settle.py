@@ -15,6 +15,7 @@ from ident.gap.experiment import Experiment
 from ident.gap.joint_gap import JointGap, Named, nested_errors
 from ident.gap.panel import Panel
 from ident.gap.problem import JointProblem
+from ident.gap.search import AT_REST
 
 DOUBT = 0.01
 """Chance that a rival no worse than a name is beaten on held-out blocks of rows."""
@@ -65,6 +66,8 @@ def alternatives(panel: Panel, gap: JointGap, named: Sequence[Named], one: Named
     found: dict[str, Trial | None] = {}
     if one.effect.name in TWINS and _of_motor(panel, one.trial, gap.joint):
         found[TWINS[one.effect.name]] = None
+    unasked = [load_catalogue()[name](gap.joint) for name in AT_REST if gap.sticks]
+    found.update((other.name, None) for other in unasked if one.effect.rivals_with(other))
     taken = {n.effect.name for n in named}
     for tried in [t for t in one.ranking if t.effect.name != one.effect.name][:RIVALS]:
         if tried.effect.name in taken or tried.effect.name in found:

@@ -10,6 +10,7 @@ import pytest
 from comparisons import cli
 from comparisons.commands.gap import write_experiments
 from comparisons.protocols.experiments import Experiments
+from ident.gap.experiment import Experiment
 from ident.log import JointLog
 from ident.log_writer import write_log
 from ident.model_file import load_model
@@ -155,12 +156,11 @@ def test_bad_input_is_one_line_and_leaves_the_directory(words, what, done, robot
     assert [p.name for p in (tmp_path / "out").iterdir()] == ["mine.txt"]
 
 
-def test_the_motion_that_would_settle_a_name_is_written_beside_the_report(tmp_path):
+def test_the_motion_that_would_tell_most_of_a_name_is_written_beside_the_report(tmp_path):
     vs060 = load_robot("vs060")
     motions = Experiments(vs060, seconds=20.0)
-    asked = SimpleNamespace(
-        findings=[SimpleNamespace(motions={"stribeck": "static_poses"}), SimpleNamespace(motions={})]
-    )
+    telling = {"stribeck": Experiment("static_poses", 0.3, settles=False)}
+    asked = SimpleNamespace(findings=[SimpleNamespace(experiments=telling), SimpleNamespace(experiments={})])
     write_experiments(asked, motions, tmp_path / "experiments")
     (written,) = (tmp_path / "experiments").iterdir()
     table = np.genfromtxt(written, delimiter=",", names=True)

@@ -1,5 +1,7 @@
 """Names that logs leave open: laws that are one in slow logs, effects of a joint beside a cause of the whole robot."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from conftest import ARM
@@ -8,7 +10,7 @@ from scipy.interpolate import CubicSpline
 
 from ident.gap import baseline_model
 from ident.gap.candidates import coefficients
-from ident.gap.rows import gap_of, panel_of, survey_of
+from ident.gap.rows import gap_of, held_of, panel_of, survey_of
 from ident.gap.search import search
 from ident.gap.settle import BLOCKS, _beats, alternatives
 from ident.gap.whole import _Judge
@@ -117,3 +119,16 @@ def test_a_rival_is_beaten_by_what_most_blocks_say_however_much_two_of_them_do(w
 
 def test_a_rival_that_leaves_the_same_is_not_beaten():
     assert not _beats(np.ones(1000), np.ones(1000))
+
+
+def test_an_offset_of_a_joint_that_sticks_may_be_an_asymmetry_of_which_nothing_was_asked(arm):
+    train = logs(arm, 1, hidden=lambda t, q, dq: np.full(len(t), 0.2))
+    model = baseline_model(arm, logs(arm, 11))
+    panel = panel_of(model, train)
+    gap = held_of(model, panel, 1)
+    for sticks in (False, True):
+        found = search(panel, survey_of(model, panel, held=True), replace(gap, sticks=sticks))
+        name = found.winner(panel)
+        open_names = alternatives(panel, found.gap, [name], name)
+        assert name.effect.name == "current-offset"
+        assert (open_names.get("coulomb-asymmetry", name) is None) == sticks
