@@ -2,11 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from dataclasses import replace
+
 import numpy as np
 
 from ident.arrays import FloatArray
+from ident.effects.attached import GravityBalancer
 from ident.effects.base import Term, initial_term
 from ident.effects.electrical import DriveGain, TorqueSaturation
+from ident.effects.rigid_body import CableSpring
 from ident.gap.panel import Panel
 from ident.gap.rows import left_by
 from ident.gap.subject import Subject
@@ -28,8 +33,9 @@ UNDECIDED = 0.95
 OFF = 0.03
 """Share by which a torque constant must be wrong: by less, models are."""
 
-SATURATES = 1.1
-"""How many times as much iron that saturates may account for: links bend to it, and others' gains with them."""
+BENDS = 1.1
+"""How many times as much may be accounted for by what links bend to as well, and others' gains with them: iron that
+saturates, a spring."""
 
 
 def wrong_gain(subject: Subject) -> Term | None:
@@ -52,9 +58,9 @@ def wrong_gain(subject: Subject) -> Term | None:
         shared = np.array([float(np.mean(left[gap.keep, gap.joint] ** 2)) for gap in gaps])
         return np.asarray(shared / np.maximum(own, 1e-300) - 1.0)
 
-    def fallen(effect: DriveGain | TorqueSaturation) -> tuple[Term, FloatArray]:
-        """An effect fitted besides, and by how much the contradictions are smaller with it."""
-        beside = subject.fitted(model, [initial_term(effect)])
+    def fallen(*terms: Term) -> tuple[Term, FloatArray]:
+        """The last of some terms, fitted besides, and by how much the contradictions are smaller with them."""
+        beside = subject.fitted(model, terms)
         return beside.terms[-1], before - contradiction(beside, panel.seen_by(beside))
 
     before = contradiction(model, panel)
@@ -63,7 +69,7 @@ def wrong_gain(subject: Subject) -> Term | None:
     present = [term.effect for term in model.terms]
     # A wrong gain may contradict the joints that carry the same links more than its own: the one that all agree with.
     suspects: list[int] = np.argsort(-before)[:SUSPECTS].tolist()
-    tried = [fallen(DriveGain(joint)) for joint in suspects if DriveGain(joint) not in present]
+    tried = [fallen(initial_term(DriveGain(joint))) for joint in suspects if DriveGain(joint) not in present]
     if not tried:
         return None
     totals = np.array([falls.sum() for _, falls in tried])
@@ -73,5 +79,15 @@ def wrong_gain(subject: Subject) -> Term | None:
         return None
     if np.sum(totals >= UNDECIDED * most) > 1:
         return None
-    iron = (fallen(TorqueSaturation(j, float(subject.survey.largest[j])))[1].sum() for j in suspects)
-    return None if any(other > SATURATES * most for other in iron) else gain
+    bending = (fallen(*terms)[1].sum() for joint in suspects for terms in _bending(subject, joint))
+    return None if any(other > BENDS * most for other in bending) else gain
+
+
+def _bending(subject: Subject, joint: int) -> Iterator[list[Term]]:
+    """Yield, as terms not yet fitted, what a joint may have to which its own links bend."""
+    yield [initial_term(TorqueSaturation(joint, float(subject.survey.largest[joint])))]
+    yield [initial_term(CableSpring(joint))]
+    if not subject.model.robot.multibody.prismatic[joint]:
+        # Two of a quarter of a turn are one, whatever its neutral angle.
+        one = initial_term(GravityBalancer(joint, ideal=True))
+        yield [replace(one, shape=np.array([neutral])) for neutral in (0.0, 0.5 * np.pi)]

@@ -20,7 +20,8 @@ def wrong_gain(monkeypatch, rms, excess=0.1):
     monkeypatch.setattr(torque_constant, "left_by", left)
     bare = SimpleNamespace(problem=lambda panel: SimpleNamespace(residual=np.ones(9)))
     gaps = [SimpleNamespace(bare=lambda: bare, keep=np.arange(9), joint=j) for j in range(3)]
-    model = SimpleNamespace(force_unit="N m", n=3, terms=())
+    turning = SimpleNamespace(multibody=SimpleNamespace(prismatic=np.zeros(3, dtype=bool)))
+    model = SimpleNamespace(force_unit="N m", n=3, terms=(), robot=turning)
     panel = SimpleNamespace(seen_by=lambda tried: None)
     survey = SimpleNamespace(largest=np.ones(3))
 
@@ -33,10 +34,11 @@ def wrong_gain(monkeypatch, rms, excess=0.1):
     return None if gain is None else gain.effect.joint
 
 
-@pytest.mark.parametrize(("iron", "found"), [(1.0, None), (1.55, 1)])
-def test_a_joint_whose_iron_saturates_makes_no_other_gain_wrong(monkeypatch, iron, found):
-    # RMS that is left on three joints, the third's iron saturating: shared links pass it on to the second.
-    rms = {None: (1.0, 1.2, 1.9), ("drive-gain", 1): (1.0, 1.0, 1.5), ("torque-saturation", 2): (1.0, 1.05, iron)}
+@pytest.mark.parametrize("what", ["torque-saturation", "cable-spring", "gravity-balancer"])
+@pytest.mark.parametrize(("rest", "found"), [(1.0, None), (1.55, 1)])
+def test_a_joint_whose_iron_saturates_or_that_has_a_spring_makes_no_other_gain_wrong(monkeypatch, what, rest, found):
+    # RMS that is left on three joints, the third with that: shared links pass it on to the second.
+    rms = {None: (1.0, 1.2, 1.9), ("drive-gain", 1): (1.0, 1.0, 1.5), (what, 2): (1.0, 1.05, rest)}
     assert wrong_gain(monkeypatch, rms) == found
 
 
