@@ -90,7 +90,7 @@ def misfit_warnings(robot: Robot, train: FloatArray, test: FloatArray, touched: 
         test: of the same model.
         touched: whether contact was cut out of the train logs.
     """
-    unlike = "they hold what those do not show, as another load, a touch or a flipped sign"
+    unlike = "they hold what those do not show, as quicker motion, another load, a touch or a flipped sign"
     why = "contact was cut out of those alone, or " + unlike if touched else unlike
     return [
         f"Joint {j + 1} ({robot.joints[j]}) errs {test[j] / train[j]:.0f} times as much on the test logs as on the "
@@ -100,25 +100,29 @@ def misfit_warnings(robot: Robot, train: FloatArray, test: FloatArray, touched: 
 
 
 def reach_warnings(robot: Robot, train: Sequence[LogSource], test: Sequence[LogSource], cutoff: float) -> list[str]:
-    """Say which joints go further or faster in test logs than in any train log: there a model extrapolates.
+    """Say which joints go further, faster or quicker off in test logs than in train logs: a model extrapolates there.
 
     Args:
         robot: the robot.
         train: logs that were learnt from.
         test: logs that are predicted.
-        cutoff: cut-off [Hz] of the filter that derives velocity.
+        cutoff: cut-off [Hz] of the filter that derives velocity and acceleration.
     """
-    reached, asked = [[*_places_and_speeds(logs, cutoff)] for logs in (train, test)]
+    reached, asked = [[*_motions(logs, cutoff)] for logs in (train, test)]
     if not reached or not asked:
         return []
     low, high = np.min([x.min(axis=0) for x in reached], axis=0), np.max([x.max(axis=0) for x in reached], axis=0)
-    low[1] = 0.0
+    low[1:] = 0.0
     margin = FURTHER * (high - low)
     share = np.mean([(x < low - margin) | (x > high + margin) for x in np.concatenate(asked)], axis=0)
     further = []
     for j in range(robot.n):
         unit = robot.displacement_unit(j)
-        known = (f"beyond {low[0, j]:.3g} to {high[0, j]:.3g} {unit}", f"faster than {high[1, j]:.3g} {unit}/s")
+        known = (
+            f"beyond {low[0, j]:.3g} to {high[0, j]:.3g} {unit}",
+            f"faster than {high[1, j]:.3g} {unit}/s",
+            f"with more than {high[2, j]:.3g} {unit}/s^2",
+        )
         parts = [f"{words} in {100 * share[k, j]:.0f} %" for k, words in enumerate(known) if share[k, j] > ROWS]
         if parts:
             further.append(f"joint {j + 1} ({robot.joints[j]}) {' and '.join(parts)} of the rows")
@@ -127,10 +131,11 @@ def reach_warnings(robot: Robot, train: Sequence[LogSource], test: Sequence[LogS
     return [f"The test logs go further than the train logs, so that the model extrapolates: {'; '.join(further)}."]
 
 
-def _places_and_speeds(sources: Sequence[LogSource], cutoff: float) -> Iterator[FloatArray]:
-    """Yield positions and speeds (N, 2, n) of the rows of logs that can be learnt from, one in SPARSE."""
+def _motions(sources: Sequence[LogSource], cutoff: float) -> Iterator[FloatArray]:
+    """Yield positions, speeds and sizes of acceleration (N, 3, n) of rows that can be learnt from, one in SPARSE."""
     for source in sources:
         for block in walk(source, cutoff):
             rows = np.flatnonzero(block.keep)[::SPARSE]
             if len(rows):
-                yield np.stack([block.motion.q[rows], np.abs(block.motion.dq[rows])], axis=1)
+                q, dq, ddq = (x[rows] for x in (block.motion.q, block.motion.dq, block.motion.ddq))
+                yield np.stack([q, np.abs(dq), np.abs(ddq)], axis=1)

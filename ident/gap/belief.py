@@ -6,7 +6,7 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
-from ident.arrays import FloatArray
+from ident.arrays import BoolArray, FloatArray
 from ident.effects.base import Effect
 from ident.effects.survey import Survey
 from ident.gap.abstain import explainable
@@ -46,6 +46,9 @@ TURNS = 0.1
 
 MOST, TWICE = 0.5, 2.0
 """Share of what a law means that must be there for its name, and may: of a delay over a span, seconds of that span."""
+
+AT_TURNS, FEW = 0.7, 0.25
+"""Share of the squared residual from which on it comes as a joint turns, and of the rows that turns fill at most."""
 
 WORTH_SAYING = 0.06
 """Share of a joint's squared residual that must be explainable for it to be called unexplained."""
@@ -117,7 +120,7 @@ def unexplained(
     left = explainable(panel, survey, gap.joint, problem.residual, problem.keep)
     share = max(left.share, _explained(panel, gap, problem, named, doubted))
     if share > WORTH_SAYING:
-        return [Unexplained((gap.joint,), left.depends_on, share)]
+        return [Unexplained((gap.joint,), _at_turns(panel, problem, gap.joint, left.depends_on), share)]
     slow = _wandering(panel, problem)
     if slow > WORTH_SAYING:
         return [Unexplained((gap.joint,), ("t (wanders)",), slow)]
@@ -133,6 +136,22 @@ def unexplained(
         return [Unexplained((gap.joint,), ("t (in bursts)",), rare)]
     past = remembered_of(panel, problem, problem.residual)
     return [Unexplained((gap.joint,), ("t (its own past)",), past)] if past > WORTH_SAYING else []
+
+
+def _at_turns(panel: Panel, problem: JointProblem, joint: int, depends_on: tuple[str, ...]) -> tuple[str, ...]:
+    """Signals that a residual depends on, its joint's direction first if next to all of it comes as that changes."""
+    side = f"sign(dq{joint + 1})"
+    jumps, squares = _jumps(panel, problem, joint), problem.residual**2
+    if jumps.mean() > FEW or squares[jumps].sum() < AT_TURNS * squares.sum():
+        return depends_on
+    return (f"{side} (as it turns)", *(signal for signal in depends_on if signal != side))
+
+
+def _jumps(panel: Panel, problem: JointProblem, joint: int) -> BoolArray:
+    """A problem's rows in which its joint's friction may jump: it turns, comes to rest or sets out."""
+    sides = np.sign(panel.velocity[:, joint])
+    sides[problem.keep[classes_of(panel, problem, joint) < MOVING]] = 0.0  # a side of its own
+    return panel.turns(sides, TURNS)[problem.keep]
 
 
 def _explained(
@@ -172,9 +191,8 @@ def _uneven(panel: Panel, problem: JointProblem, joint: int, squares: FloatArray
     """
     pace = classes_of(panel, problem, joint)
     slow = pace < MOVING
-    load, sides = panel.seen("load")[:, joint], np.sign(panel.velocity[:, joint])
-    sides[problem.keep[slow]] = 0.0  # a side of its own
-    turns, jumps = panel.turns(np.sign(load), AROUND)[problem.keep], panel.turns(sides, TURNS)[problem.keep]
+    turns = panel.turns(np.sign(panel.seen("load")[:, joint]), AROUND)[problem.keep]
+    jumps = _jumps(panel, problem, joint)
     everything = np.ones(len(squares), dtype=bool)
     # Where a joint's load is nought unless it moves, the load turns as the joint rests.
     asked = (

@@ -27,3 +27,4 @@ def test_further_and_faster_are_told_joint_by_joint(arm):
     (faster,) = reach_warnings(arm, train, [swing(np.array([0.5, 0.6]), 0.4, "c")], 5.0)
     assert "beyond" not in faster
     assert f"joint 1 ({arm.joints[0]}) faster than 0.62" in faster
+    assert "and with more than 0.78" in faster

@@ -125,6 +125,19 @@ def test_names_that_leave_what_lasts_are_withdrawn(arm, monkeypatch):
     assert (1,) in [u.joints for u in found.unexplained]
 
 
+def test_what_comes_as_a_joint_turns_is_said_to(arm):
+    def after_turns(t, q, dq):
+        turned = np.flatnonzero(np.diff(np.sign(dq[:, 1])) != 0) + 1
+        force = np.zeros(len(t))
+        for k, sign in enumerate(np.sign(dq[turned, 1])):
+            force[turned[k] : turned[k] + 8] = (1.0 if k % 2 else 3.0) * sign
+        return force
+
+    (one,) = structure(arm, hidden=after_turns).unexplained
+    assert (one.joints, one.depends_on[0]) == ((1,), "sign(dq2) (as it turns)")
+    assert "sign(dq2)" not in one.depends_on
+
+
 def test_what_lasts_and_follows_no_signal_is_unexplained(arm):
     found = structure(arm, hidden=follows_nothing(0.2, 0.3))
     assert found.findings == ()

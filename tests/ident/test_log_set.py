@@ -72,7 +72,7 @@ def test_test_logs_that_a_model_misses_by_far_are_warned_of(arm, logs):
     assert not any("errs" in said for said in find_gap(model, logs[:2], logs[2:]).warnings)
     assert misfit_warnings(arm, np.array([1.0, 1.0]), np.array([2.9, 3.1])) == [
         "Joint 2 (b) errs 3 times as much on the test logs as on the train logs: they hold what those do not "
-        "show, as another load, a touch or a flipped sign."
+        "show, as quicker motion, another load, a touch or a flipped sign."
     ]
     (said,) = misfit_warnings(arm, np.array([1.0, 1.0]), np.array([2.9, 3.1]), touched=True)
     assert "contact was cut out of those alone, or they hold" in said
