@@ -20,6 +20,7 @@ from ident.gap.panel import Panel
 from ident.gap.problem import JointProblem
 from ident.gap.report import ITS_SIZE, Unexplained
 from ident.gap.spectrum import spectral_line
+from ident.gap.stops import may_be_stop
 from ident.gap.unsure import BEYOND
 from ident.gap.wander import wandering
 
@@ -58,8 +59,8 @@ BURSTS = 0.15
 
 
 def believed(panel: Panel, survey: Survey, gap: JointGap, named: Sequence[Named]) -> list[Named]:
-    """The names of a joint whose coefficients are constant; none if they leave much of what could be explained."""
-    names = [one for one in named if _mostly(panel, gap, one, named)]
+    """The names of a joint that are constant and no stops; none if they leave much of what could be explained."""
+    names = [one for one in named if _mostly(panel, gap, one, named) and not may_be_stop(panel, gap, one, named)]
     while names and (allowed := _allowed(panel, survey, gap, names)) is not None:
         varies = inconstancy(panel, survey, gap, names)
         worst = int(np.argmax(varies))

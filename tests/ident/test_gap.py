@@ -97,6 +97,14 @@ def test_what_the_catalogue_does_not_have_is_not_named(arm):
     assert "Hz" in one.depends_on[0]
 
 
+@pytest.mark.parametrize("power", [1.0, 2.0])
+def test_a_stop_is_no_spring(arm, power):
+    found = structure(arm, hidden=lambda t, q, dq: np.maximum(q[:, 1] - 0.35, 0.0) ** power)
+    assert found.findings == ()
+    (one,) = found.unexplained
+    assert (one.joints, one.depends_on[0]) == ((1,), "q2")
+
+
 def falls_with_speed(t, q, dq):
     """Dry friction of the second joint that falls over 40 mrad/s."""
     return 0.4 * np.sign(dq[:, 1]) * np.exp(-(np.abs(dq[:, 1] / 0.04) ** 1.5))
