@@ -30,6 +30,7 @@ from ident.gap.subject import Subject
 from ident.gap.threads import in_threads
 from ident.gap.touch import Touches
 from ident.gap.unsure import mistimed, turning
+from ident.gap.untold import untold_warnings
 from ident.gap.velocity_lag import VelocityLag
 from ident.log import JointLog, LogSource
 from ident.log_set import set_warnings
@@ -134,7 +135,11 @@ class Reporter:
         return GapReport(
             self.start.model, model, tuple(findings), tuple(nameless), tuple(missing), maps[0], maps[1],
             panel, survey, (before, after), causes.p_values, shown, subject.rests.joints,
-            (*self._warnings(findings, within), *self._misfit(shown, after + own[1], bool(contacts))),
+            (
+                *self._warnings(findings, within),
+                *untold_warnings(panel, problems, causes.wholes),
+                *self._misfit(shown, after + own[1], bool(contacts)),
+            ),
         )  # fmt: skip
 
     def _denied(self, causes: Causes, findings: Sequence[Finding]) -> list[Named]:

@@ -27,6 +27,12 @@ def test_a_change_is_named_against_a_model_held_fixed(arm):
     assert np.all(found.evidence.after < 0.5 * found.evidence.before)
 
 
+def test_what_the_logs_do_not_tell_of_a_payload_is_said(arm):
+    found = find_gap(baseline_model(arm, logs(arm, 1)), logs(arm, 4, mass=0.5), refit=False)
+    (said,) = (warning for warning in found.warnings if warning.startswith("payload: "))
+    assert "hardly tell its my, and" in said  # along the axes that both joints turn about
+
+
 @pytest.mark.parametrize("inertia", [0.0, 0.12])
 def test_a_payload_has_the_inertia_that_shows(arm, inertia):
     model = baseline_model(arm, logs(arm, 1))
