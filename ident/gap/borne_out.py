@@ -1,7 +1,8 @@
 """Whether joints bear a cause of the whole robot out, each by itself: then it is there, however little on any one.
 
 What comes late does so by the same seconds on every joint. Errors of single joints' models ask each for another time,
-some of them for less than none.
+some of them for less than none. Of a model held fixed that is not asked: currents may have come as late when it was
+identified, and little of what it lacked then is no change.
 """
 
 from __future__ import annotations
@@ -41,12 +42,16 @@ shape that was not searched for yet."""
 def late_on_all(panel: Panel, survey: Survey, gaps: Sequence[JointGap], present: Sequence[Effect]) -> Whole | None:
     """The law by which all currents come late, if joints bear it out: no joint's own effects need be known for that.
 
+    None of a model held fixed.
+
     Args:
         panel: the rows.
         survey: facts about the logs.
         gaps: every joint's rows.
         present: causes of the whole robot that are known.
     """
+    if survey.held:
+        return None
     problems = [gap.problem(panel) for gap in gaps]
     before = np.array([p.errors().held_out for p in problems])
     tried = [OnAll(panel, problems, e, before) for e in forms(survey, None, present) if isinstance(e, Timing)]

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -16,12 +18,12 @@ from ident.gap.search import GAIN, LEVEL
 from ident.gap.subject import Subject
 
 
-def seen(*hidden: Hidden, style: str = "noisy"):
+def seen(*hidden: Hidden, style: str = "noisy", held: bool = False):
     made = make(Case("vs060", hidden, 12, style=style))
     subject = Subject(baseline_model(made.robot, made.train), made.train, True)
     subject.look()
     gaps = subject.sure_gaps()
-    found = late_on_all(subject.panel, subject.survey, gaps, ())
+    found = late_on_all(subject.panel, replace(subject.survey, held=held), gaps, ())
     return found, [gap.problem(subject.panel) for gap in gaps]
 
 
@@ -32,6 +34,11 @@ def test_a_filter_that_explains_little_of_most_joints_is_told_by_all():
     assert found.effect.name in ("filter-lag", "delay")
     assert found.p_value <= LEVEL
     assert np.median(gains) < GAIN
+
+
+def test_joints_are_not_asked_of_a_model_held_fixed_whose_own_logs_may_have_been_as_late():
+    found, _ = seen(Hidden("filter-lag", None, 0.7), held=True)
+    assert found is None
 
 
 @pytest.mark.parametrize("hidden", [(), (Hidden("stribeck", 1, 2.0),), (Hidden("load-friction", 2, 2.0),)])
