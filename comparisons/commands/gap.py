@@ -97,7 +97,7 @@ def write_experiments(found: GapReport, motions: Mapping[str, JointLog], folder:
     """Write the motions that would tell most of what is open as ``<motion>.csv``: t and commanded positions q1..qn."""
     from ident.excitation.output import write_columns
 
-    for name in dict.fromkeys(one.motion for finding in found.findings for one in finding.experiments.values()):
+    for name in dict.fromkeys(name for finding in found.findings for name in finding.telling):
         folder.mkdir(parents=True, exist_ok=True)
         motion = motions[name]
         write_columns(motion.t, {"q": motion.q}, folder / f"{name}.csv")

@@ -147,8 +147,7 @@ def gap_report(found: GapReport, test: Sequence[LogSource], note: Provenance) ->
     for finding in found.findings:
         report.text(sentence(found, finding))
         if finding.next_experiment:
-            motions = dict.fromkeys(one.motion for one in finding.experiments.values())
-            files = ", ".join(f"experiments/{name}.csv" for name in motions)
+            files = ", ".join(f"experiments/{name}.csv" for name in finding.telling)
             where = f" Commanded positions: {files}." if files else ""
             what = "settle it" if finding.motions or not files else "tell most"
             report.text(f"What would {what}: {finding.next_experiment}.{where}")

@@ -63,7 +63,7 @@ def late_on_all(panel: Panel, survey: Survey, gaps: Sequence[JointGap], present:
     searched = in_threads(lambda pair: pair[0].searched(pair[1]), zip(tried, begun, strict=True))
     ranking = ranked([one for one in searched if one is not None])
     for best in by_motion(panel, problems, ranking):
-        p_value = chance_in_all(panel, problems, best)
+        p_value = chance_in_all(panel, survey, problems, best)
         if p_value <= LEVEL:
             explained = likelihoods(problems, before.sum(axis=1), best.held_out.sum(axis=1))
             others = alternatives(best, ranking, ())
@@ -71,15 +71,16 @@ def late_on_all(panel: Panel, survey: Survey, gaps: Sequence[JointGap], present:
     return None
 
 
-def chance_in_all(panel: Panel, problems: Sequence[JointProblem], whole: Whole) -> float:
+def chance_in_all(panel: Panel, survey: Survey, problems: Sequence[JointProblem], whole: Whole) -> float:
     """Chance (p-value) of what joints tell where no current is late; 1 unless they bear out that all of it is.
 
     Args:
         panel: the rows.
+        survey: facts about the logs; 1 of a model held fixed.
         problems: every joint's regression.
         whole: the cause, searched for.
     """
-    if whole.law is None and whole.effect.plain(whole.shape) is not None:
+    if survey.held or (whole.law is None and whole.effect.plain(whole.shape) is not None):
         return 1.0
     return _chance(panel, problems, whole.as_meant)
 

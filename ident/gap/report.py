@@ -57,6 +57,11 @@ class Finding:
         return {name: one.motion for name, one in self.experiments.items() if one.settles}
 
     @property
+    def telling(self) -> tuple[str, ...]:
+        """Names of the motions that would tell most of its alternatives, each once."""
+        return tuple(dict.fromkeys(one.motion for one in self.experiments.values()))
+
+    @property
     def where(self) -> str:
         """The joints in words, counted from 1."""
         numbers = ", ".join(str(j + 1) for j in self.joints)

@@ -292,5 +292,9 @@ def penalised(trial: Trial) -> float:
     """Held-out error with a price on every parameter."""
     if trial.errors is None:
         return np.inf
-    parameters = len(trial.shape) + trial.columns + trial.effect.charged
-    return trial.errors.total * (1.0 + 2.0 * PARSIMONY * parameters)
+    return priced(trial.errors.total, len(trial.shape) + trial.columns + trial.effect.charged)
+
+
+def priced(error: float, parameters: int) -> float:
+    """A held-out error in squares with a price on every parameter."""
+    return error * (1.0 + 2.0 * PARSIMONY * parameters)

@@ -10,7 +10,7 @@ from ident.arrays import FloatArray
 from ident.gap.candidates import with_errors
 from ident.gap.joint_gap import JointGap, Named
 from ident.gap.panel import Panel
-from ident.gap.search import PARSIMONY, penalised
+from ident.gap.search import penalised, priced
 
 SPRING = "spring"
 """Kind of the effects that a stop is taken for."""
@@ -31,9 +31,8 @@ def may_be_stop(panel: Panel, gap: JointGap, one: Named, named: Sequence[Named])
         return False
     problem = gap.problem(panel, [n.trial for n in named if n is not one])
     least = penalised(with_errors(panel, problem, one.trial, gap.joint))
-    price = 1.0 + 2.0 * PARSIMONY * PARAMETERS
     position = panel.motion.q[problem.keep, gap.joint]
-    return any(price * problem.errors(into[:, None]).total < least for into in _stops(position))
+    return any(priced(problem.errors(into[:, None]).total, PARAMETERS) < least for into in _stops(position))
 
 
 def _stops(position: FloatArray) -> Iterator[FloatArray]:

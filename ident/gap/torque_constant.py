@@ -79,7 +79,9 @@ def wrong_gain(subject: Subject) -> Term | None:
         return None
     if np.sum(totals >= UNDECIDED * most) > 1:
         return None
-    bending = (fallen(*terms)[1].sum() for joint in suspects for terms in _bending(subject, joint))
+    # Its own joint's springs first: they are the likeliest to account for as much.
+    nearest = sorted(suspects, key=lambda joint: joint != gain.effect.at)
+    bending = (fallen(*terms)[1].sum() for joint in nearest for terms in _bending(subject, joint))
     return None if any(other > BENDS * most for other in bending) else gain
 
 

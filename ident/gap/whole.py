@@ -147,7 +147,7 @@ class _Judge:
 
     def _chance(self, best: Whole, helped: IntArray, explained: FloatArray) -> float:
         """Chance of a cause where there is nothing (p-value); 1 if it does not hold."""
-        borne_out = 1.0 if self.survey.held else chance_in_all(self.panel, self.problems, best)
+        borne_out = chance_in_all(self.panel, self.survey, self.problems, best)
         if borne_out <= LEVEL:
             return borne_out
         told = explained / times_of(self.panel, self.problems, best)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -65,7 +66,9 @@ def test_joints_that_tell_ask_for_as_much_as_there_is(monkeypatch, shares, error
         Whole(Delay(None, sample=0.02), np.array([0.01]), np.array([s]), np.zeros((4, 4)), 1.0, 1.0)
         for s in (0.01, -0.01)
     )
-    assert (chance_in_all(None, [None] * 4, late) <= LEVEL) is there
-    assert chance_in_all(None, [None] * 4, lead) == 1.0
+    fitted, held = SimpleNamespace(held=False), SimpleNamespace(held=True)
+    assert (chance_in_all(None, fitted, [None] * 4, late) <= LEVEL) is there
+    assert chance_in_all(None, held, [None] * 4, late) == 1.0
+    assert chance_in_all(None, fitted, [None] * 4, lead) == 1.0
     payload = Whole(Payload(None), np.zeros(0), np.ones(4), np.zeros((4, 4)), 1.0, 1.0)
-    assert chance_in_all(None, [None] * 4, payload) == 1.0
+    assert chance_in_all(None, fitted, [None] * 4, payload) == 1.0

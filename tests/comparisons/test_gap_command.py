@@ -1,6 +1,7 @@
 """``sensorless gap``: results as the contract has them, predictions before and after, bad input in one line."""
 
 import json
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -11,6 +12,7 @@ from comparisons import cli
 from comparisons.commands.gap import write_experiments
 from comparisons.protocols.experiments import Experiments
 from ident.gap.experiment import Experiment
+from ident.gap.report import Finding
 from ident.log import JointLog
 from ident.log_writer import write_log
 from ident.model_file import load_model
@@ -159,8 +161,9 @@ def test_bad_input_is_one_line_and_leaves_the_directory(words, what, done, robot
 def test_the_motion_that_would_tell_most_of_a_name_is_written_beside_the_report(tmp_path):
     vs060 = load_robot("vs060")
     motions = Experiments(vs060, seconds=20.0)
-    telling = {"stribeck": Experiment("static_poses", 0.3, settles=False)}
-    asked = SimpleNamespace(findings=[SimpleNamespace(experiments=telling), SimpleNamespace(experiments={})])
+    none = Finding("viscous-friction", "friction", (1,), {}, 1e-6, (), None, (), 0.4)
+    open_yet = {name: Experiment("static_poses", 0.3, settles=False) for name in ("stribeck", "load-friction")}
+    asked = SimpleNamespace(findings=[replace(none, experiments=open_yet), none])
     write_experiments(asked, motions, tmp_path / "experiments")
     (written,) = (tmp_path / "experiments").iterdir()
     table = np.genfromtxt(written, delimiter=",", names=True)
