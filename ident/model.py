@@ -186,7 +186,7 @@ class CurrentModel:
         force, left = load.copy(), list(zip(self.terms, memories, strict=True))
         if len(motion.t) == 1 and isinstance(memories, Memories):
             motors = self.robot.motors(motion)
-            self.one_sample.add(motors.q[0], motors.dq[0], motors.ddq[0], load[0], memories, force[0])
+            self.one_sample.add(motors.t[0], motors.q[0], motors.dq[0], motors.ddq[0], load[0], memories, force[0])
             left = [left[k] for k in self.one_sample.others]
             if not left:
                 return force

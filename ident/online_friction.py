@@ -16,7 +16,7 @@ import numpy as np
 from ident.arrays import FloatArray, IntArray
 from ident.compiled import compiled
 from ident.effects.base import Effect, Term
-from ident.effects.direction import DirectedEffect, built_up
+from ident.effects.direction import DirectedEffect, follow
 from ident.effects.electrical import CurrentOffset
 from ident.effects.friction import Coulomb, CoulombAsymmetry, LoadFriction, Viscous
 from ident.effects.friction_curve import Sigmoid, Stribeck, ViscousNonlinear
@@ -128,6 +128,7 @@ class OneSample:
 
     def add(
         self,
+        t: float,
         q: FloatArray,
         dq: FloatArray,
         ddq: FloatArray,
@@ -138,12 +139,13 @@ class OneSample:
         """Add the encoded terms to a force, carrying their memories forward; every array but the memories is (n,).
 
         Args:
+            t: the sample's stamp [s].
             q, dq, ddq: the sample's motion, of the motors [rad or m, s].
             load: force that the links need; read only where ``asks_load``.
             memories: of all the model's terms, as ``Memories.start`` gave them.
             force: what is added to, in the model's force unit.
         """
-        add_terms(*self.table, q, dq, ddq, load, memories.flat, force)
+        add_terms(*self.table, t, q, dq, ddq, load, memories.flat, force)
 
 
 def _known(term: Term, robot: Robot) -> bool:
@@ -192,6 +194,7 @@ def _values(term: Term) -> FloatArray:
 def add_terms(
     entries: IntArray,
     values: FloatArray,
+    t: float,
     q: FloatArray,
     dq: FloatArray,
     ddq: FloatArray,
@@ -216,9 +219,8 @@ def add_terms(
         elif kind == _SIGMOID:
             force[j] += _sigmoid(values[v:], dq[j])
         elif length:
-            memory[m + 1] = built_up(memory[m + 1], q[j] - memory[m], values[v + 1], values[v])
-            memory[m] = q[j]
-            force[j] += _directed(kind, values[v + 1 :], dq[j], memory[m + 1], load[j])
+            direction = follow(t, q[j], dq[j], values[v + 1], values[v], memory[m : m + length])
+            force[j] += _directed(kind, values[v + 1 :], dq[j], direction, load[j])
         else:
             force[j] += _directed(kind, values[v:], dq[j], math.tanh(dq[j] / values[v]), load[j])
 

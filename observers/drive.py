@@ -123,7 +123,7 @@ def take_sample(
         acceleration, load = rows[_DDQ : _DDQ + 1], rows[_LOAD : _LOAD + 1]
         inverse_dynamics_rows(chain, gravity, parameters, order, at, speed, acceleration, load)
     rows[_FRICTION] = 0.0
-    add_terms(entries, values, rows[_Q], rows[_DQ], rows[_DDQ], rows[_LOAD], memory, rows[_FRICTION])
+    add_terms(entries, values, t, rows[_Q], rows[_DQ], rows[_DDQ], rows[_LOAD], memory, rows[_FRICTION])
     for j in range(n):
         rows[_MOMENTUM, j] = terms[0, 0, j] + motors[1, j] * rows[_DQ, j]
         rows[_DRIVE, j] = motors[0, j] * rows[_DRIVE, j] + terms[0, 1, j] - terms[0, 2, j] - rows[_FRICTION, j]

@@ -35,6 +35,9 @@ ROBOTS = {
 PANDA_JOINTS = [f"panda_joint{k}" for k in range(1, 8)]
 WHOLE_ROBOT = ("payload", "base-tilt", "delay", "filter-lag")
 
+PARTS = 10
+"""Steps between two samples in which friction that yields is simulated: joints turn between them."""
+
 STANDS = 2e-3
 """A joint that is slower [rad/s] stands."""
 
@@ -255,7 +258,7 @@ class Maker:
         """What laws see of a log of those paths, one after the other."""
         q, dq, ddq, t, start = _motion(paths, rate or self.style.rate)
         torque = self.robot.rigid_body.inverse_dynamics(q, dq, ddq, self.parameters)
-        dry = direction = self.direction(q, dq, start)
+        dry = direction = self.direction(q, dq, rate or self.style.rate, start)
         if self.style.holds:
             # The same motion finds the same levels, whatever is hidden in it.
             dry = held(dry, dq, np.random.default_rng([self.seed, len(q), int(1e6 * np.abs(q[0]).sum())]))
@@ -265,13 +268,14 @@ class Maker:
             self.coulomb, self.viscous, self.robot.rigid_body, self.parameters,
         )  # fmt: skip
 
-    def direction(self, q: FloatArray, dq: FloatArray, start: FloatArray) -> FloatArray:
-        """Direction (N, n) of dry friction."""
+    def direction(self, q: FloatArray, dq: FloatArray, rate: float, start: FloatArray) -> FloatArray:
+        """Direction (N, n) of dry friction, at samples of that rate."""
         if self.style.yields is None:
             return sign(dq)
         shortest, longest = np.log(self.style.yields)
         lengths = np.exp(np.random.default_rng([self.seed, 7]).uniform(shortest, longest, q.shape[1]))
-        return np.stack([built_up(q[:, j] / length, start) for j, length in enumerate(lengths)], axis=1)
+        way = dq / rate
+        return np.stack([built_up(q[:, j] / x, way[:, j] / x, start) for j, x in enumerate(lengths)], axis=1)
 
     def paths(self, number: int) -> list[FloatArray]:
         """Commanded positions (N, n) of the pieces of the log of that number."""
@@ -304,20 +308,30 @@ class Maker:
 
 
 @compiled
-def built_up(x: FloatArray, start: FloatArray) -> FloatArray:
-    """Direction (N,) of friction that yields (Bouc 1967, Wen 1976), over positions (N,) in units of its displacement.
+def built_up(x: FloatArray, way: FloatArray, start: FloatArray) -> FloatArray:
+    """Direction (N,) of friction that yields (Bouc 1967, Wen 1976), over a path in units of its displacement.
 
-    It builds up by dz/dx = 1 - z^2, and goes back along a straight line.
+    It builds up by dz/dx = 1 - z^2, and goes back along a straight line. Between samples the path is Hermite's cubic.
+
+    Args:
+        x: positions (N,).
+        way: velocities (N,) times the time between samples.
+        start: (N,), above nought where a path begins.
     """
     out, z = np.zeros(len(x)), 0.0
     for k in range(len(x)):
         if k == 0 or start[k] > 0.0:
             z = 0.0
             continue
-        steps = max(1, int(np.ceil(abs(x[k] - x[k - 1]) / 0.02)))
-        step = (x[k] - x[k - 1]) / steps
-        for _ in range(min(steps, 500)):  # ten displacements on, it slips
-            z += step * (1.0 - z * z if z * step > 0.0 else 1.0)
+        last, bend = x[k - 1], way[k - 1] + way[k] - 2.0 * (x[k] - x[k - 1])
+        for part in range(1, PARTS + 1):
+            s = part / PARTS
+            at = x[k - 1] + s * (way[k - 1] + s * (x[k] - x[k - 1] - way[k - 1] - (1.0 - s) * bend))
+            steps = max(1, int(np.ceil(abs(at - last) / 0.02)))
+            step = (at - last) / steps
+            for _ in range(min(steps, 500)):  # ten displacements on, it slips
+                z += step * (1.0 - z * z if z * step > 0.0 else 1.0)
+            last = at
         out[k] = z
     return out
 

@@ -15,6 +15,9 @@ from ident.effects.survey import Survey
 SMOOTHING = 5e-3
 """Speed [rad/s or m/s] over which the sign of a velocity turns, where the data do not ask for more."""
 
+BEFORE_FIRST = np.array([np.nan, np.nan, np.nan, 0.0])
+"""What is remembered of friction that builds up before the first sample: stamp, position, velocity and direction."""
+
 
 @dataclass(frozen=True)
 class VelocityEffect(Effect):
@@ -85,38 +88,61 @@ class DirectedEffect(VelocityEffect):
         return replace(plain, presliding=friction.presliding, presliding_exponent=friction.presliding_exponent)
 
     def start(self) -> FloatArray:
-        """Return last position, not known before the first, and direction; nothing without presliding."""
-        return np.array([np.nan, 0.0]) if self.presliding > 0.0 else np.zeros(0)
+        """Return what ``follow`` remembers; nothing without presliding."""
+        return BEFORE_FIRST.copy() if self.presliding > 0.0 else np.zeros(0)
 
     def direction(self, context: Context, memory: FloatArray) -> FloatArray:
         """Return the direction (N,) of the joint's motion, from -1 to 1, carrying the memory forward."""
         if context.direction is not None:
             return context.direction
         if self.presliding > 0.0:
-            position = np.ascontiguousarray(context.motors.q[:, self.at])
-            built: FloatArray = build_up(position, self.presliding, self.presliding_exponent, memory)
-            return built
+            motors = context.motors
+            path = motors.t, motors.q[:, self.at], motors.dq[:, self.at]
+            return build_up(*path, self.presliding, self.presliding_exponent, memory)
         return self.sign(context)
 
 
+def build_up(
+    t: FloatArray, position: FloatArray, velocity: FloatArray, displacement: float, exponent: float, memory: FloatArray
+) -> FloatArray:
+    """Directions (N,) along a path (N,), each as ``follow`` gives it; the memory is brought up to date."""
+    path = np.ascontiguousarray(np.stack([t, position, velocity]))
+    built: FloatArray = _build_up(path, displacement, exponent, memory)
+    return built
+
+
 @compiled
-def build_up(position: FloatArray, displacement: float, exponent: float, memory: FloatArray) -> FloatArray:
-    """Directions (N,) along positions (N,), see ``built_up``; last position and direction are brought up to date.
+def _build_up(path: FloatArray, displacement: float, exponent: float, memory: FloatArray) -> FloatArray:
+    out = np.empty(path.shape[1])
+    for k in range(path.shape[1]):
+        out[k] = follow(path[0, k], path[1, k], path[2, k], displacement, exponent, memory)
+    return out
+
+
+@compiled
+def follow(
+    t: float, position: float, velocity: float, displacement: float, exponent: float, memory: FloatArray
+) -> float:
+    """Direction at a sample, by way of where the joint turned round since the last; the same where that is not known.
+
+    Between samples the velocity runs straight: wrists turn, and their friction with them, within one.
 
     Args:
-        position: [rad or m]; rows where it is not known change nothing.
+        t: stamp [s].
+        position: [rad or m].
+        velocity: [rad/s or m/s].
         displacement: over which a direction builds up.
         exponent: Dahl's, from nought to one.
-        memory: last position, not known before the first, and direction.
+        memory: stamp, position, velocity and direction of the last sample, brought up to date; see ``BEFORE_FIRST``.
     """
-    out = np.empty(len(position))
-    last, state = memory[0], memory[1]
-    for k in range(len(position)):
-        state = built_up(state, position[k] - last, displacement, exponent)
-        last = position[k]
-        out[k] = state
-    memory[0], memory[1] = last, state
-    return out
+    step, speed, state = position - memory[1], memory[2], memory[3]
+    if speed * velocity < 0.0:
+        beyond = 0.5 * speed * abs(speed) / (abs(speed) + abs(velocity)) * (t - memory[0])
+        state = built_up(state, beyond, displacement, exponent)
+        step -= beyond
+    state = built_up(state, step, displacement, exponent)
+    memory[0], memory[1], memory[2], memory[3] = t, position, velocity, state
+    return state
 
 
 @compiled

@@ -11,7 +11,7 @@ import numpy as np
 from ident.arrays import FloatArray
 from ident.compiled import compiled
 from ident.effects.base import Coefficient, Context, Effect, Shape
-from ident.effects.direction import build_up
+from ident.effects.direction import BEFORE_FIRST, build_up
 from ident.effects.survey import Survey
 from ident.effects.told_at_largest import ToldAtLargest
 from ident.effects.two_masses import LINK_FRICTION, link_behind, motor_inertia, searched_motor
@@ -99,17 +99,18 @@ class CrossJointFriction(Effect):
         return told
 
     def start(self) -> FloatArray:
-        """Return the last mixed position, not known before the first, and direction, where it builds up."""
-        return np.array([np.nan, 0.0]) if self.presliding > 0.0 else np.zeros(0)
+        """Return what ``follow`` remembers of the mixed motion, where it builds up."""
+        return BEFORE_FIRST.copy() if self.presliding > 0.0 else np.zeros(0)
 
     def columns(self, context: Context, shape: FloatArray, memory: FloatArray) -> FloatArray:
         """Return the sign of cos(mix) dq_joint + sin(mix) dq_source, turning over a speed, and the part dq_source."""
         own, other = self._speeds(context)
-        if self.presliding > 0.0:
-            place, far = context.motion.q[:, self.at], context.motion.q[:, self.source]
-            mixed = np.cos(shape[0]) * place + np.sin(shape[0]) * far
-            return np.stack([build_up(mixed, self.presliding, self.presliding_exponent, memory), other], axis=1)
         mixed = np.cos(shape[0]) * own + np.sin(shape[0]) * other
+        if self.presliding > 0.0:
+            motion = context.motion
+            place = np.cos(shape[0]) * motion.q[:, self.at] + np.sin(shape[0]) * motion.q[:, self.source]
+            built = build_up(motion.t, place, mixed, self.presliding, self.presliding_exponent, memory)
+            return np.stack([built, other], axis=1)
         # The joint's own damping is the viscous effect's.
         return np.stack([np.tanh(mixed / shape[1]), other], axis=1)
 

@@ -130,6 +130,18 @@ def test_friction_that_yields_builds_up_as_dahl_wrote(vs060, exponent):
     assert np.all(np.abs(found) <= 1.0)
 
 
+@pytest.mark.parametrize("slip", [1e-5, 1e-4])
+def test_friction_builds_up_from_where_a_joint_turned_between_samples(vs060, slip):
+    """At 100 Hz what it is at 10 kHz, of turns of .4 to 2 rad/s^2: a sample is then up to 25 um wide on either side."""
+    t = np.arange(80_000) / 1e4
+    w = np.array([2.0, 3.1, 4.7])[:, None, None]
+    phase = np.random.default_rng(2).uniform(0, 6, (3, 1, 6))
+    q, dq, ddq = (np.sum(0.05 * w**k * np.sin(w * t[:, None] + phase + 0.5 * k * np.pi), axis=0) for k in range(3))
+    law, motion = Coulomb(1, presliding=slip, presliding_exponent=0.5), Motion(t, q, dq, ddq)
+    fine, coarse = (law.columns(Context(vs060, m), np.zeros(0), law.start())[:, 0] for m in (motion, motion[::100]))
+    np.testing.assert_allclose(coarse[1:], fine[::100][1:], atol=0.03)
+
+
 def test_a_symmetric_sigmoid_is_one_without_shift(context):
     # Few turns tell a shift: it is tried only where the plain law shows.
     plain, full = Sigmoid(1, symmetric=True), Sigmoid(1)
@@ -181,9 +193,9 @@ def test_force_of_friction_that_follows_the_other_joint_alone_is_along_its_motio
 def test_friction_of_two_joints_builds_up_over_their_motion_together(context):
     form, mix = CrossJointFriction(4, 5, 1, 3e-4, 0.5), 0.7
     columns = form.columns(context, np.array([mix]), form.start())
-    q = np.cos(mix) * context.motion.q[:, 4] + np.sin(mix) * context.motion.q[:, 5]
+    q, dq = (np.cos(mix) * x[:, 4] + np.sin(mix) * x[:, 5] for x in (context.motion.q, context.motion.dq))
     alone = Coulomb(0, presliding=3e-4, presliding_exponent=0.5)
-    moved = replace(context.motion, q=np.tile(q[:, None], (1, 6)))
+    moved = replace(context.motion, q=np.tile(q[:, None], (1, 6)), dq=np.tile(dq[:, None], (1, 6)))
     wanted = alone.columns(Context(context.robot, moved), np.zeros(0), alone.start())
     np.testing.assert_allclose(columns, np.column_stack([wanted, context.motion.dq[:, 5]]))
     memory = form.start()

@@ -12,6 +12,8 @@ from ident.signals import Motion, derive
 from ident.walk import Block
 
 RATE, NOISE, DRY = 100.0, 0.03, np.array([1.5, 0.8])
+FINER = 20
+"""Steps a sample in which friction is simulated: joints turn between samples."""
 
 
 def dahl(q, slip):
@@ -26,12 +28,13 @@ def dahl(q, slip):
 def record(arm, seed, friction, hidden=None):
     """Sinusoids that never stand; a law of friction, and maybe an effect on joint 2."""
     rng = np.random.default_rng(seed)
-    t = np.arange(4000) / RATE
+    t = np.arange(4000 * FINER) / RATE / FINER
     w = 2 * np.pi * rng.uniform(0.15, 0.5, (3, 1, 2))
     size, phase = 0.35 * np.array([1.0, 0.5, 0.3])[:, None, None], rng.uniform(0, 6, (3, 1, 2))
     q, dq, ddq = (np.sum(size * w**k * np.sin(w * t[:, None] + phase + 0.5 * k * np.pi), axis=0) for k in range(3))
-    torque = arm.rigid_body.inverse_dynamics(q, dq, ddq, np.tile(arm.multibody.parameters, (2, 1)))
-    torque += np.stack([DRY[j] * friction(q[:, j], dq[:, j]) for j in range(2)], axis=1)
+    dry = np.stack([DRY[j] * friction(q[:, j], dq[:, j]) for j in range(2)], axis=1)
+    t, q, dq, ddq, dry = (x[::FINER] for x in (t, q, dq, ddq, dry))
+    torque = dry + arm.rigid_body.inverse_dynamics(q, dq, ddq, np.tile(arm.multibody.parameters, (2, 1)))
     torque += np.array([1.0, 0.5]) * dq + NOISE * rng.standard_normal(q.shape)
     if hidden is not None:
         torque[:, 1] += hidden(q, dq)

@@ -95,7 +95,7 @@ def by_columns(model: CurrentModel, motion: Motion, memories: list[np.ndarray]) 
 def by_samples(model: CurrentModel, motion: Motion, memories: Memories) -> np.ndarray:
     force, load = np.zeros_like(motion.q), model.load(motion)
     for k in range(len(motion)):
-        model.one_sample.add(motion.q[k], motion.dq[k], motion.ddq[k], load[k], memories, force[k])
+        model.one_sample.add(motion.t[k], motion.q[k], motion.dq[k], motion.ddq[k], load[k], memories, force[k])
     return force
 
 
