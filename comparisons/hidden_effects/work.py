@@ -121,12 +121,12 @@ def _settled(problem: Problem, truth: Truth, tie: Finding, motions: Mapping[str,
     """Whether, with logs of the motions proposed added, the true name is given without what they were to rule out."""
     assert problem.case is not None
     maker = Maker(problem.case)
-    train = [*problem.train, *(maker.record(motions[name]) for name in dict.fromkeys(tie.motions.values()))]
+    train = [*problem.train, *(maker.record(motions[name]) for name in tie.motions)]
     model = baseline_model(problem.model.robot, train) if problem.refit else problem.model
     report = find_gap(model, train, refit=problem.refit)
     names = [n for n in answer_of(report, 0.0).findings if n.joints == tie.joints]
     right = [n for n in names if any(n.means(s) for s in truth.secrets)]
-    return bool(right) and not ({*tie.motions, tie.effect} - {right[0].effect}) & {*right[0].alternatives}
+    return bool(right) and not ({*tie.settled, tie.effect} - {right[0].effect}) & {*right[0].alternatives}
 
 
 def _ask(record: dict[str, Any], method: str, ask: Callable[[], Answer]) -> None:

@@ -36,7 +36,8 @@ class Finding:
         explained: share by which it lowered the held-out squared residual of its joint, or of the one that shows most
             of it; None of what was found or cut out before the effects were tried.
         control: what the negative control gained, as a share of the RMS residual; None for the whole robot.
-        experiments: by alternative, the motion, of those that the workflow was given, that would tell most.
+        experiments: by pair of names that are open, the finding's own first, the motion, of those that the workflow was
+            given, that would tell most.
     """
 
     effect: str
@@ -49,16 +50,24 @@ class Finding:
     terms: tuple[Term, ...]
     explained: float | None
     control: float | None = None
-    experiments: Mapping[str, Experiment] = field(default_factory=dict)
+    experiments: Mapping[tuple[str, str], Experiment] = field(default_factory=dict)
 
     @property
-    def motions(self) -> dict[str, str]:
-        """By alternative, the name of the motion that would settle it, of those that one would."""
-        return {name: one.motion for name, one in self.experiments.items() if one.settles}
+    def settled(self) -> tuple[str, ...]:
+        """Alternatives that motions would settle: whichever of them and the name is true, they rule out the others."""
+        settling = {frozenset(pair) for pair, one in self.experiments.items() if one.settles}
+        against = [name for name in self.alternatives if frozenset({self.effect, name}) in settling]
+        return tuple(a for a in against if all(frozenset({a, b}) in settling for b in against if b != a))
+
+    @property
+    def motions(self) -> tuple[str, ...]:
+        """Names of the motions that would settle those, each once."""
+        names = {self.effect, *self.settled}
+        return tuple(dict.fromkeys(one.motion for pair, one in self.experiments.items() if names.issuperset(pair)))
 
     @property
     def telling(self) -> tuple[str, ...]:
-        """Names of the motions that would tell most of its alternatives, each once."""
+        """Names of the motions that would tell most of what is open, each once."""
         return tuple(dict.fromkeys(one.motion for one in self.experiments.values()))
 
     @property

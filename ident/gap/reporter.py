@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from itertools import chain
+from itertools import chain, combinations
 
 import numpy as np
 
@@ -201,13 +201,14 @@ class Reporter:
         effect = whole.effect
         own = replace(gap, target=gap.target + columns_of(self.subject.panel, whole, gap.joint))
         besides, one = [n.trial for n in named], Trial(effect, whole.shape, 0.0)
-        experiments = {name: self._experiment(own, one, other, besides) for name, other in whole.alternatives.items()}
+        experiments = self._experiments(own, {effect.name: one, **whole.alternatives}, besides)
         joints, law = () if effect.joint is None else (effect.joint,), whole.as_meant
         left, all_of_it = (rows.problem(self.subject.panel, besides).errors().total for rows in (gap, own))
+        proposed = next_experiment(effect.name, whole.alternatives, experiments)
         return Finding(
             effect.name, effect.family, joints, {}, whole.p_value, tuple(whole.alternatives),
-            next_experiment(effect.name, experiments), (_term(effect, law.shape, law.coefficients),),
-            1.0 - left / max(all_of_it, 1e-300), experiments=_known(experiments),
+            proposed, (_term(effect, law.shape, law.coefficients),),
+            1.0 - left / max(all_of_it, 1e-300), experiments=experiments,
         )  # fmt: skip
 
     def _joint_finding(self, gap: JointGap, named: Sequence[Named], one: Named, total: float) -> Finding:
@@ -216,21 +217,31 @@ class Reporter:
         others = [n.trial for n in named if n is not one]
         found = gap.coefficients_of(panel, one, named)
         rivals = alternatives(panel, gap, named, one)
-        experiments = {name: self._experiment(gap, trial, rival, others) for name, rival in rivals.items()}
+        experiments = self._experiments(gap, {effect.name: trial, **rivals}, others)
         return Finding(
             effect.name, effect.family, (gap.joint,), {}, one.p_value, tuple(rivals),
-            next_experiment(effect.name, experiments), (_term(effect, trial.shape, found),),
-            one.explained / max(total, 1e-300), negative_control(panel, gap, named, one), _known(experiments),
+            next_experiment(effect.name, rivals, experiments), (_term(effect, trial.shape, found),),
+            one.explained / max(total, 1e-300), negative_control(panel, gap, named, one), experiments,
         )  # fmt: skip
 
-    def _experiment(
-        self, gap: JointGap, one: Trial, other: Trial | None, besides: Sequence[Trial]
-    ) -> Experiment | None:
-        """The motion that would separate two names of a joint."""
-        if other is None or not self.motions:
-            return None
+    def _experiments(
+        self, gap: JointGap, names: Mapping[str, Trial | None], besides: Sequence[Trial]
+    ) -> dict[tuple[str, str], Experiment]:
+        """By pair of names of a joint the motion that would separate them; none of what no law was fitted for."""
+        laws = {name: trial for name, trial in names.items() if trial is not None}
+        if len(laws) < 2 or not self.motions:
+            return {}
+        subject, joined = self.subject, self._joined_of(gap)
+        found = {}
+        for (one, first), (other, second) in combinations(laws.items(), 2):
+            left = gap.problem(subject.panel, [*besides, first]).residual
+            rms = float(np.sqrt(np.mean(left**2)))
+            found[one, other] = separating(Question(first, second, tuple(besides), rms, subject.survey), joined)
+        return found
+
+    def _joined_of(self, gap: JointGap) -> dict[str, Joined]:
+        """A joint's baseline on each motion's rows behind the logs'."""
         subject = self.subject
-        left = gap.problem(subject.panel, [*besides, one]).residual
         turns = turning(subject.panel, subject.survey)[:, gap.joint]
         noisy = bool(turns.any()) and gap.keep[turns].mean() < 0.5
         joined = {}
@@ -238,8 +249,7 @@ class Reporter:
             # Where these logs' rests and reversals tell nothing, the motion's would not either.
             hidden = turning(logs.panel, subject.survey)[:, gap.joint] & noisy
             joined[name] = Joined(logs, subject.gap(logs.panel, gap.joint).without(hidden))
-        rms = float(np.sqrt(np.mean(left**2)))
-        return separating(Question(one, other, tuple(besides), rms, subject.survey), joined)
+        return joined
 
     @cached_property
     def _joined(self) -> dict[str, Continued]:
@@ -278,11 +288,6 @@ def nil_warnings(findings: Sequence[Finding]) -> list[str]:
         for one in findings
         if is_nil(one)
     ]
-
-
-def _known(experiments: Mapping[str, Experiment | None]) -> dict[str, Experiment]:
-    """The experiments that there are."""
-    return {name: one for name, one in experiments.items() if one is not None}
 
 
 def _clear(touches: Touches, nameless: Sequence[Unexplained]) -> bool:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 
 import numpy as np
 from scipy.stats import wilcoxon
@@ -99,21 +99,24 @@ def _of_motor(panel: Panel, ripple: Trial, joint: int) -> bool:
     return abs(turns - round(turns)) <= WHOLE and 1 <= round(turns) <= GEAR_HARMONICS
 
 
-def next_experiment(name: str, others: Mapping[str, Experiment | None]) -> str | None:
-    """Say which motions would separate a name from its alternatives; None where there are none.
+def next_experiment(name: str, others: Iterable[str], experiments: Mapping[tuple[str, str], Experiment]) -> str | None:
+    """Say which motions would separate a name from its alternatives, and those from each other; None if there are none.
 
     Args:
         name: the name.
-        others: the alternatives, with the motion on which they differ most; None where none is known.
+        others: the alternatives.
+        experiments: by pair of them all, the name first, the motion on which they differ most, where one is known.
     """
     catalogue = load_catalogue()
     said = []
-    for other, found in others.items():
-        if found is not None:
-            times = f"{found.ratio:.2g} times what is left"
-            enough = "" if found.settles else ", the most of all motions tried, and too little to be sure of either law"
-            said.append(f"{found.motion}: on it {name} and {other} differ by {times}{enough}")
-        elif frozenset({name, other}) in MOTIONS:
+    for (one, other), found in experiments.items():
+        times = f"{found.ratio:.2g} times what is left"
+        enough = "" if found.settles else ", the most of all motions tried, and too little to be sure of either law"
+        said.append(f"{found.motion}: on it {one} and {other} differ by {times}{enough}")
+    for other in others:
+        if (name, other) in experiments:
+            continue
+        if frozenset({name, other}) in MOTIONS:
             protocol, words = MOTIONS[frozenset({name, other})]
             said.append(f"{protocol}: {words} ({name} or {other})")
         else:

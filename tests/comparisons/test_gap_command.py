@@ -2,6 +2,7 @@
 
 import json
 from dataclasses import replace
+from itertools import combinations
 from types import SimpleNamespace
 
 import numpy as np
@@ -162,7 +163,8 @@ def test_the_motion_that_would_tell_most_of_a_name_is_written_beside_the_report(
     vs060 = load_robot("vs060")
     motions = Experiments(vs060, seconds=20.0)
     none = Finding("viscous-friction", "friction", (1,), {}, 1e-6, (), None, (), 0.4)
-    open_yet = {name: Experiment("static_poses", 0.3, settles=False) for name in ("stribeck", "load-friction")}
+    pairs = combinations(("viscous-friction", "stribeck", "load-friction"), 2)
+    open_yet = {pair: Experiment("static_poses", 0.3, settles=False) for pair in pairs}
     asked = SimpleNamespace(findings=[replace(none, experiments=open_yet), none])
     write_experiments(asked, motions, tmp_path / "experiments")
     (written,) = (tmp_path / "experiments").iterdir()

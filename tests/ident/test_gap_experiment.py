@@ -14,8 +14,9 @@ from ident.effects.thermal import ThermalFriction
 from ident.gap import baseline_model
 from ident.gap.candidates import Trial
 from ident.gap.clocks import on_one_clock
-from ident.gap.experiment import PLAIN, Joined, Question, separating, with_motion
+from ident.gap.experiment import PLAIN, Experiment, Joined, Question, separating, with_motion
 from ident.gap.joint_gap import JointGap
+from ident.gap.report import Finding
 from ident.gap.rows import panel_of, survey_of
 from ident.gap.settle import next_experiment
 from ident.log import JointLog
@@ -25,9 +26,9 @@ def test_every_effect_has_an_experiment_that_settles_it():
     catalogue = load_catalogue()
     for name, kind in catalogue.items():
         for rival in kind.rivals:
-            said = next_experiment(name, {rival: None})
+            said = next_experiment(name, [rival], {})
             assert Effect.excitation not in said, f"nothing of their own tells {name} from {rival}"
-    assert next_experiment("stribeck", {}) is None
+    assert next_experiment("stribeck", [], {}) is None
 
 
 def test_the_next_experiment_is_the_motion_on_which_two_names_differ(arm):
@@ -129,3 +130,18 @@ def test_a_motion_is_recorded_after_the_logs_and_begins_cold_where_each_of_them_
     size = np.abs(changes[:, 1])
     new = size[-both.added :]
     assert new[: len(new) // 20].max() < 0.3 * new.max()
+
+
+def test_a_name_is_settled_by_motions_that_would_tell_all_its_alternatives_from_each_other():
+    tells, hardly = (Experiment(motion, 2.0, settles) for motion, settles in (("fourier", True), ("plateaus", False)))
+    finding = Finding("stribeck", "friction", (6,), {}, 1e-6, ("sigmoid", "viscous-nonlinear"), None, (), 0.4)
+    against = {("stribeck", "sigmoid"): tells, ("stribeck", "viscous-nonlinear"): replace(tells, motion="sweep")}
+    pair = "sigmoid", "viscous-nonlinear"
+    both = replace(finding, experiments={**against, pair: tells})
+    assert (both.settled, both.motions) == (pair, ("fourier", "sweep"))
+    # Were one of them the true name, the other would be left.
+    neither = replace(finding, experiments={**against, pair: hardly})
+    assert (neither.settled, neither.motions, neither.telling) == ((), (), ("fourier", "sweep", "plateaus"))
+    # What no motion tells from the name is not promised to be ruled out.
+    one = replace(finding, experiments={**against, ("stribeck", "sigmoid"): hardly, pair: hardly})
+    assert (one.settled, one.motions) == (pair[1:], ("sweep",))
