@@ -38,14 +38,14 @@ from ident.gap.standing import hardly_moved, of_motors
 from ident.log import LogSource
 from ident.model import CurrentModel
 
-DISPLACEMENTS, EXPONENTS = (1e-5, LEAST_SLIP), (0.0, 1.0)
+DISPLACEMENTS, EXPONENTS = (2e-6, LEAST_SLIP), (0.0, 1.0)
 """Displacements [rad or m] over which friction may build up, and exponents; beyond, it is an effect of its own
 (maxwell-slip)."""
 
 GRID, STEPS = np.array([(i / 7.0, k / 2.0) for i in range(8) for k in range(3)]), 40
 """Places on those ranges that are tried first, and laws that are tried about the best of them."""
 
-SHORTEST = 1.2e-5
+SHORTEST = 2.4e-6
 """Whatever ends below this is a sign that turns at once."""
 
 ROWS = 4000
@@ -239,4 +239,15 @@ def _slips(panel: Panel, survey: Survey, gap: JointGap, turned: BoolArray) -> bo
     ranked = told_by(panel, survey, gap, problem, turned)[:TRIED]
     found = [refine(panel, problem, [one], gap.joint) for _, one in ranked]
     best = min(found, key=lambda one: left_in(panel, problem, one, gap.joint, turned))
-    return slipless(panel, gap, best)
+    return slipless(panel, gap, best) or _built_up_leaves(panel, gap, turned) < left_in(
+        panel, problem, best, gap.joint, turned
+    )
+
+
+def _built_up_leaves(panel: Panel, gap: JointGap, turned: BoolArray) -> float:
+    """Mean square that dry friction which builds up leaves after turns: some are over within a sample."""
+    friction = DryFriction.of(panel.model, panel, gap.joint)
+    if friction is None:
+        return np.inf
+    left = friction.left(friction.rows(gap.keep).problem(panel), friction.columns(friction.built_up()))
+    return float(np.mean(left[turned] ** 2))
