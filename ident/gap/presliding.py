@@ -20,13 +20,12 @@ from ident.gap.joint_gap import JointGap
 from ident.gap.panel import Panel
 from ident.gap.problem import JointProblem
 from ident.gap.rests import (
+    BESIDE,
     SEVERAL,
-    STICKS,
     TOGETHER,
     Rests,
     contrast,
     holds,
-    in_company,
     left_in,
     noise_at_turns,
     occasions,
@@ -35,6 +34,7 @@ from ident.gap.rests import (
 )
 from ident.gap.rows import gap_of, panel_of
 from ident.gap.standing import hardly_moved, of_motors
+from ident.gap.threads import in_threads
 from ident.log import LogSource
 from ident.model import CurrentModel
 
@@ -225,7 +225,7 @@ def _err_after_turns(
         much = holds(*contrast(left, turned[:, j], noise[:, j]), times, float(survey.holds[j]))
         return much and _slips(panel, survey, gap, turned[:, j])
 
-    return in_company(errs, gaps, np.full(len(gaps), STICKS))
+    return np.array(in_threads(lambda gap: errs(gap, BESIDE), gaps), dtype=bool)
 
 
 def _slips(panel: Panel, survey: Survey, gap: JointGap, turned: BoolArray) -> bool:
