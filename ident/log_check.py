@@ -30,6 +30,8 @@ FULL_TURN = 2 * np.pi - 0.1
 """A joint whose limits span as much [rad] turns freely: the URDF bounds its cables, and real robots turn further."""
 SPEED_FACTOR = 5.0
 """Typical fast motion above the speed limit by this factor betrays a wrong unit of time."""
+SPIKE = 1000.0
+"""A current so many times larger than all joints' usual ones is none."""
 
 
 class LogChecker:
@@ -69,6 +71,7 @@ class LogChecker:
         self._check_time(piece)
         self._check_position(piece)
         self._check_speed(piece)
+        self._check_current(piece, names or {})
         self.rows += len(piece)
         self._last_t, self._last_segment = float(piece.t[-1]), int(piece.segment[-1])
         return piece
@@ -177,6 +180,18 @@ class LogChecker:
                 f"{typical[joint] / limit[joint]:.0f} times its limit of {limit[joint]:.3g}"
             )
             raise InputError(what, self._at(0), how)
+
+    def _check_current(self, piece: JointLog, names: Mapping[str, tuple[str, ...]]) -> None:
+        size = np.abs(piece.current)
+        usual = float(np.quantile(size, 0.95, axis=0).max())
+        spikes = np.argwhere(size > SPIKE * usual)
+        # Where hardly any row has a current, none of them is unusual.
+        if usual > 0.0 and len(spikes):
+            row, joint = (int(k) for k in spikes[0])
+            times = size[row, joint] / usual
+            spike = f"{_column('current', joint, names)} = {piece.current[row, joint]:.4g}"
+            what = f"{spike} is {times:.2g} times the log's usual currents"
+            raise InputError(what, self._at(row), "repair or remove the row")
 
     def _at(self, row: int) -> str:
         return f"{self.where} row {self.rows + row + 1}"

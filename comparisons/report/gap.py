@@ -149,8 +149,9 @@ def gap_report(found: GapReport, test: Sequence[LogSource], note: Provenance) ->
         if finding.next_experiment:
             files = ", ".join(f"experiments/{name}.csv" for name in finding.telling)
             where = f" Commanded positions: {files}." if files else ""
-            what = "settle it" if finding.motions or not files else "tell most"
-            report.text(f"What would {what}: {finding.next_experiment}.{where}")
+            nothing = bool(finding.experiments) and not files
+            what = "tell most" if files and not finding.motions else "settle it"
+            report.text(f"What would {what}{' is not known' if nothing else ''}: {finding.next_experiment}.{where}")
     if found.findings:
         _table(report, found)
     report.section("Where the gap is")
@@ -186,7 +187,7 @@ def _table(report: Report, found: GapReport) -> None:
         columns,
         rows,
         "p-value: chance of so good a candidate where there is nothing. Negative control: what the same signal, "
-        "its phases drawn anew, gains; it must be about nought.",
+        "its phases drawn at random, gains; about nought is right. The whole robot's effects have none.",
     )
 
 

@@ -38,6 +38,10 @@ PLAIN = 0.5
 another force on another motion (two gains beside friction stayed open on motions with .16 and .45)."""
 
 
+SHOWS = 0.1
+"""The same below which a motion shows nothing."""
+
+
 @dataclass(frozen=True)
 class Experiment:
     """A motion that separates two names.
@@ -51,6 +55,11 @@ class Experiment:
     motion: str
     ratio: float
     settles: bool
+
+    @property
+    def shows(self) -> bool:
+        """Whether it would show any difference."""
+        return self.ratio >= SHOWS
 
 
 @dataclass(frozen=True, eq=False)

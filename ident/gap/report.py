@@ -68,7 +68,7 @@ class Finding:
     @property
     def telling(self) -> tuple[str, ...]:
         """Names of the motions that would tell most of what is open, each once."""
-        return tuple(dict.fromkeys(one.motion for one in self.experiments.values()))
+        return tuple(dict.fromkeys(one.motion for one in self.experiments.values() if one.shows))
 
     @property
     def where(self) -> str:

@@ -110,6 +110,9 @@ def next_experiment(name: str, others: Iterable[str], experiments: Mapping[tuple
     catalogue = load_catalogue()
     said = []
     for (one, other), found in experiments.items():
+        if not found.shows:
+            said.append(f"no motion that was tried tells {one} from {other}")
+            continue
         times = f"{found.ratio:.2g} times what is left"
         enough = "" if found.settles else ", the most of all motions tried, and too little to be sure of either law"
         said.append(f"{found.motion}: on it {one} and {other} differ by {times}{enough}")

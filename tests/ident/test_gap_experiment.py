@@ -142,6 +142,11 @@ def test_a_name_is_settled_by_motions_that_would_tell_all_its_alternatives_from_
     # Were one of them the true name, the other would be left.
     neither = replace(finding, experiments={**against, pair: hardly})
     assert (neither.settled, neither.motions, neither.telling) == ((), (), ("fourier", "sweep", "plateaus"))
+    nothing = replace(hardly, ratio=0.01)
+    assert replace(finding, experiments={**against, pair: nothing}).telling == ("fourier", "sweep")
+    assert "no motion that was tried tells sigmoid from viscous-nonlinear" in next_experiment(
+        "stribeck", finding.alternatives, {**against, pair: nothing}
+    )
     # What no motion tells from the name is not promised to be ruled out.
     one = replace(finding, experiments={**against, ("stribeck", "sigmoid"): hardly, pair: hardly})
     assert (one.settled, one.motions) == (pair[1:], ("sweep",))

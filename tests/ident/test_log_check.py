@@ -46,6 +46,7 @@ def test_a_good_log_passes_unchanged():
         ("t", 9, 0.075, "t = 0.075 s goes backward by 0.005 s", "row 10"),
         ("q", (7, 0), 40.0, "q1 = 40 looks like degrees", "row 8"),
         ("q", (7, 0), -3.6, "q1 = -3.6 rad is outside the limits", "row 8"),
+        ("current", (9, 1), 1e9, "i2 = 1e+09 is ", "row 10"),
     ],
 )
 def test_one_bad_value_is_named_with_its_row(key, row, value, what, where):
