@@ -15,6 +15,7 @@ from ident.gap.constancy import inconstancy
 from ident.gap.counts import counted_force
 from ident.gap.gate import FAST, MOVING
 from ident.gap.joint_gap import JointGap, Named, classes_of, starts_of
+from ident.gap.jumps import may_be_jump
 from ident.gap.memory import remembered
 from ident.gap.panel import Panel
 from ident.gap.problem import JointProblem
@@ -59,8 +60,13 @@ BURSTS = 0.15
 
 
 def believed(panel: Panel, survey: Survey, gap: JointGap, named: Sequence[Named]) -> list[Named]:
-    """The names of a joint that are constant and no stops; none if they leave much of what could be explained."""
-    names = [one for one in named if _mostly(panel, gap, one, named) and not may_be_stop(panel, gap, one, named)]
+    """The names of a joint that are constant, no stops or jumps; none if they leave much of what could be explained."""
+    others = may_be_stop, may_be_jump
+    names = [
+        one
+        for one in named
+        if _mostly(panel, gap, one, named) and not any(other(panel, gap, one, named) for other in others)
+    ]
     while names and (allowed := _allowed(panel, survey, gap, names)) is not None:
         varies = inconstancy(panel, survey, gap, names)
         worst = int(np.argmax(varies))

@@ -45,8 +45,8 @@ DISPLACEMENTS, EXPONENTS = (2e-6, LEAST_SLIP), (0.0, 1.0)
 GRID, STEPS = np.array([(i / 7.0, k / 2.0) for i in range(8) for k in range(3)]), 40
 """Places on those ranges that are tried first, and laws that are tried about the best of them."""
 
-SHORTEST = 2.4e-6
-"""Whatever ends below this is a sign that turns at once."""
+SHORTEST, AT_REST = 2.4e-6, 1.2e-5
+"""What ends below this is a sign that turns at once; so it is of joints that stick: encoders hardly see them creep."""
 
 ROWS = 4000
 """Rows that laws are fitted to, evenly spread."""
@@ -145,10 +145,11 @@ def yielding(model: CurrentModel, panel: Panel, survey: Survey, rests: Rests) ->
     noise = noise_at_turns(model, panel, survey)
     rows = np.where(rests.sticks, ~panel.gather(rests.counts), turned)
     asked = np.flatnonzero(rests.sticks | _err_after_turns(panel, survey, gaps, turned, noise)).tolist()
-    laws = {j: _law(model, panel, gaps[j], rows[:, j], _late(panel, survey, gaps[j])) for j in asked}
+    shortest = np.where(rests.sticks, AT_REST, SHORTEST)
+    laws = {j: _law(model, panel, gaps[j], rows[:, j], shortest[j], _late(panel, survey, gaps[j])) for j in asked}
     if sum(law is not None for law in laws.values()) >= TOGETHER[0] * len(asked):
         # A lag that a joint alone seems to have is the same.
-        laws = {j: law or _law(model, panel, gaps[j], rows[:, j]) for j, law in laws.items()}
+        laws = {j: law or _law(model, panel, gaps[j], rows[:, j], shortest[j]) for j, law in laws.items()}
     return with_directions(model, laws)
 
 
@@ -177,7 +178,12 @@ def with_directions(model: CurrentModel, laws: Mapping[int, Coulomb | None]) -> 
 
 
 def _law(
-    model: CurrentModel, panel: Panel, gap: JointGap, rows: BoolArray, late: FloatArray | None = None
+    model: CurrentModel,
+    panel: Panel,
+    gap: JointGap,
+    rows: BoolArray,
+    shortest: float,
+    late: FloatArray | None = None,
 ) -> Coulomb | None:
     """The dry friction that builds up as fits all rows best; None if it leaves too much of some of them.
 
@@ -186,6 +192,7 @@ def _law(
         panel: rows of logs under it.
         gap: the joint's rows.
         rows: those (N,) that must be told.
+        shortest: displacement below which there is none.
         late: columns (N, k) of a current that comes late, which looks like that, too.
     """
     friction = DryFriction.of(model, panel, gap.joint)
@@ -197,7 +204,7 @@ def _law(
     problem = friction.rows(gap.keep).problem(panel)
     left = (friction.left(problem, friction.columns(law))[rows] for law in (friction.law, best))
     before, after = (float(np.mean(x**2)) for x in left)
-    return best if after < MOST * before and best.presliding > SHORTEST else None
+    return best if after < MOST * before and best.presliding > shortest else None
 
 
 def _late(panel: Panel, survey: Survey, gap: JointGap) -> FloatArray:

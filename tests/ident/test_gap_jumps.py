@@ -1,0 +1,37 @@
+"""A brake that drags for a while after each start is no joint that warms up, and an offset that jumps no drift."""
+
+import numpy as np
+import pytest
+from planar_arm import structure
+
+
+def dragging(until):
+    """Friction until a moment of each log, which differs from log to log."""
+
+    def hidden(t, q, dq):
+        return 0.5 * np.sign(dq[:, 1]) * (t < until + 8.0 * np.abs(q[0, 1]))
+
+    return hidden
+
+
+def warming(t, q, dq):
+    return 0.6 * np.exp(-t / 20.0) * np.sign(dq[:, 1])
+
+
+def jumping(t, q, dq):
+    return 0.3 * (t > 25.0 + 10.0 * np.abs(q[0, 1]))
+
+
+def drifting(t, q, dq):
+    return 0.6 * t / 60.0
+
+
+@pytest.mark.parametrize(
+    ("hidden", "name"),
+    [(dragging(10.0), None), (jumping, None), (warming, "thermal-friction"), (drifting, "sensor-drift")],
+)
+def test_what_jumps_has_no_name_and_what_changes_slowly_has(arm, hidden, name):
+    found = structure(arm, hidden=hidden)
+    assert [(one.effect, one.joints) for one in found.findings] == ([] if name is None else [(name, (1,))])
+    if name is None:
+        assert [one.joints for one in found.unexplained] == [(1,)]
