@@ -221,18 +221,18 @@ def _late(panel: Panel, survey: Survey, gap: JointGap) -> FloatArray:
 def _err_after_turns(
     panel: Panel, survey: Survey, gaps: Sequence[JointGap], turned: BoolArray, noise: FloatArray
 ) -> BoolArray:
-    """Joints (n,) that err far more where they have hardly moved since they turned round than elsewhere."""
+    """Joints (n,) that err more where they have hardly moved since they turned round, and yield as they do."""
     asked = (turned.mean(axis=0) <= TURNS) & turned.any(axis=0)
 
-    def errs(gap: JointGap, times: float) -> bool:
+    def yields(gap: JointGap) -> bool:
         j = gap.joint
         if not asked[j]:
             return False
         left = gap.without(turned[:, j]).everywhere(panel)
-        much = holds(*contrast(left, turned[:, j], noise[:, j]), times, float(survey.holds[j]))
+        much = holds(*contrast(left, turned[:, j], noise[:, j]), BESIDE, float(survey.holds[j]))
         return much and _slips(panel, survey, gap, turned[:, j])
 
-    return np.array(in_threads(lambda gap: errs(gap, BESIDE), gaps), dtype=bool)
+    return np.array(in_threads(yields, gaps), dtype=bool)
 
 
 def _slips(panel: Panel, survey: Survey, gap: JointGap, turned: BoolArray) -> bool:
@@ -246,9 +246,8 @@ def _slips(panel: Panel, survey: Survey, gap: JointGap, turned: BoolArray) -> bo
     ranked = told_by(panel, survey, gap, problem, turned)[:TRIED]
     found = [refine(panel, problem, [one], gap.joint) for _, one in ranked]
     best = min(found, key=lambda one: left_in(panel, problem, one, gap.joint, turned))
-    return slipless(panel, gap, best) or _built_up_leaves(panel, gap, turned) < left_in(
-        panel, problem, best, gap.joint, turned
-    )
+    least = left_in(panel, problem, best, gap.joint, turned)
+    return slipless(panel, gap, best) or _built_up_leaves(panel, gap, turned) < least
 
 
 def _built_up_leaves(panel: Panel, gap: JointGap, turned: BoolArray) -> float:
