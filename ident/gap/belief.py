@@ -15,13 +15,12 @@ from ident.gap.constancy import inconstancy
 from ident.gap.counts import counted_force
 from ident.gap.gate import FAST, MOVING
 from ident.gap.joint_gap import JointGap, Named, classes_of, starts_of
-from ident.gap.jumps import may_be_jump
 from ident.gap.memory import remembered
+from ident.gap.nameless import may_have_no_name
 from ident.gap.panel import Panel
 from ident.gap.problem import JointProblem
 from ident.gap.report import ITS_SIZE, Unexplained
 from ident.gap.spectrum import spectral_line
-from ident.gap.stops import may_be_stop
 from ident.gap.unsure import BEYOND
 from ident.gap.wander import wandering
 
@@ -60,13 +59,8 @@ BURSTS = 0.15
 
 
 def believed(panel: Panel, survey: Survey, gap: JointGap, named: Sequence[Named]) -> list[Named]:
-    """The names of a joint that are constant, no stops or jumps; none if they leave much of what could be explained."""
-    others = may_be_stop, may_be_jump
-    names = [
-        one
-        for one in named
-        if _mostly(panel, gap, one, named) and not any(other(panel, gap, one, named) for other in others)
-    ]
+    """The names of a joint that are constant and the best; none if they leave much of what could be explained."""
+    names = [one for one in named if _mostly(panel, gap, one, named) and not may_have_no_name(panel, gap, one, named)]
     while names and (allowed := _allowed(panel, survey, gap, names)) is not None:
         varies = inconstancy(panel, survey, gap, names)
         worst = int(np.argmax(varies))

@@ -1,4 +1,4 @@
-"""A brake that drags for a while after each start is no joint that warms up, and an offset that jumps no drift."""
+"""What has no name gets none: a brake that drags is no joint that warms up, a stop no spring."""
 
 import numpy as np
 import pytest
@@ -12,6 +12,10 @@ def early(t, q):
 
 def dragging(t, q, dq):
     return 0.5 * np.sign(dq[:, 1]) * early(t, q)
+
+
+def stopped(t, q, dq):
+    return 3.0 * np.maximum(q[:, 1] - 0.3, 0.0) ** 1.5
 
 
 def warming(t, q, dq):
@@ -28,9 +32,9 @@ def drifting(t, q, dq):
 
 @pytest.mark.parametrize(
     ("hidden", "name"),
-    [(dragging, None), (jumping, None), (warming, "thermal-friction"), (drifting, "sensor-drift")],
+    [(dragging, None), (jumping, None), (stopped, None), (warming, "thermal-friction"), (drifting, "sensor-drift")],
 )
-def test_what_jumps_has_no_name_and_what_changes_slowly_has(arm, hidden, name):
+def test_stops_and_jumps_have_no_name_and_what_changes_slowly_has(arm, hidden, name):
     found = structure(arm, hidden=hidden)
     assert [(one.effect, one.joints) for one in found.findings] == ([] if name is None else [(name, (1,))])
     if name is None:
