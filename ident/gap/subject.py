@@ -17,8 +17,10 @@ from ident.gap.edge import with_slight_edge
 from ident.gap.joint_gap import JointGap
 from ident.gap.lateness import turned_in_time
 from ident.gap.panel import Panel
+from ident.gap.presliding import yielding
 from ident.gap.rests import Rests, no_rests, rests_of
 from ident.gap.rows import gap_of, held_of, panel_of, survey_of
+from ident.gap.touch import Touches
 from ident.gap.unsure import unsure_rows
 from ident.log import LogSource
 from ident.log_set import path_of
@@ -72,6 +74,15 @@ class Subject:
             self.rests = rests
             self._see()
         return more
+
+    def cut_out(self, touches: Touches) -> None:
+        """Look without the rows of touches, which may have hidden which joints yield."""
+        self.train = touches.cut(self.panel, self.train)
+        self.look()
+        found = yielding(self.model, self.panel, self.survey, self.rests) if self.refit else self.model
+        if found is not self.model:
+            self.model = found
+            self.look()
 
     def turn(self, late: FloatArray) -> bool:
         """Look with signs of velocity that suit currents late by some seconds (n,); whether that makes a difference.

@@ -95,8 +95,7 @@ def _find_gap(
         if found is None:
             return reporter.report(causes, contacts)
         contacts.append(found)
-        subject.train = found.cut(subject.panel, subject.train)
-        subject.look()
+        subject.cut_out(found)
 
 
 def _touches(subject: Subject, causes: Causes) -> Touches | None:

@@ -161,3 +161,14 @@ def test_rows_around_a_turn_are_told_by_displacement():
     before = slice(10, turn)
     np.testing.assert_array_equal(near[before], (moved < 2e-4)[before] | (np.abs(q[:, 0] - q[0, 0]) < 1e-3)[before])
     assert not hardly_moved(block, np.zeros(1)).any()
+
+
+def test_a_touch_does_not_hide_which_joints_yield(arm):
+    def touched(log):
+        pushed = (np.abs(log.t[:, None] - [9.0, 21.0, 33.0]) < 1.0).any(axis=1)
+        return log.replace(current=log.current + np.outer(pushed, [3.0, 1.5]))
+
+    train = [touched(record(arm, seed, short)) for seed in (1, 2, 3)]
+    found = find_gap(baseline_model(arm, train), train, [touched(record(arm, 9, short))])
+    assert [one.effect for one in found.findings] == ["contact"]
+    np.testing.assert_allclose(found.survey.presliding, 1.2e-4, rtol=0.2)
