@@ -36,6 +36,13 @@ def test_a_good_log_passes_unchanged():
     assert check(log, ROBOT, "some.csv") is log
 
 
+def test_a_joint_that_moves_in_few_rows_has_no_spikes():
+    log = motion(2000)
+    current = np.full(log.current.shape, 1e-4)
+    current[1000:1020, 1] = 3.0
+    assert check(log.replace(current=current), ROBOT, "some.csv") is not None
+
+
 @pytest.mark.parametrize(
     ("key", "row", "value", "what", "where"),
     [
