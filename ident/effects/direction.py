@@ -105,7 +105,16 @@ class DirectedEffect(VelocityEffect):
 def build_up(
     t: FloatArray, position: FloatArray, velocity: FloatArray, displacement: float, exponent: float, memory: FloatArray
 ) -> FloatArray:
-    """Directions (N,) along a path (N,), each as ``follow`` gives it; the memory is brought up to date."""
+    """Directions (N,) along a path, each as ``follow`` gives it.
+
+    Args:
+        t: stamps (N,) [s].
+        position: (N,) [rad or m].
+        velocity: (N,) [rad/s or m/s].
+        displacement: over which a direction builds up.
+        exponent: Dahl's, from nought to one.
+        memory: as ``follow`` has it, brought up to date.
+    """
     path = np.ascontiguousarray(np.stack([t, position, velocity]))
     built: FloatArray = _build_up(path, displacement, exponent, memory)
     return built
