@@ -256,9 +256,10 @@ class Maker:
 
     def scene(self, paths: Sequence[FloatArray], rate: float | None = None) -> Scene:
         """What laws see of a log of those paths, one after the other."""
-        q, dq, ddq, t, start = _motion(paths, rate or self.style.rate)
+        rate = rate or self.style.rate
+        q, dq, ddq, t, start = _motion(paths, rate)
         torque = self.robot.rigid_body.inverse_dynamics(q, dq, ddq, self.parameters)
-        dry = direction = self.direction(q, dq, rate or self.style.rate, start)
+        dry = direction = self.direction(q, dq, rate, start)
         if self.style.holds:
             # The same motion finds the same levels, whatever is hidden in it.
             dry = held(dry, dq, np.random.default_rng([self.seed, len(q), int(1e6 * np.abs(q[0]).sum())]))

@@ -115,8 +115,7 @@ def build_up(
         exponent: Dahl's, from nought to one.
         memory: as ``follow`` has it, brought up to date.
     """
-    path = np.ascontiguousarray(np.stack([t, position, velocity]))
-    built: FloatArray = _build_up(path, displacement, exponent, memory)
+    built: FloatArray = _build_up(np.stack([t, position, velocity]), displacement, exponent, memory)
     return built
 
 

@@ -42,21 +42,20 @@ def may_have_no_name(panel: Panel, gap: JointGap, one: Named, named: Sequence[Na
         return False
     problem = gap.problem(panel, [n.trial for n in named if n is not one])
     least = penalised(with_errors(panel, problem, one.trial, gap.joint))
-    if one.effect.kind == SPRING:
-        return any(priced(problem.errors(into).total, STOP) < least for into in _stops(panel, problem, gap.joint))
-    jumps = _jumps(panel, problem, gap.joint, SLOW[one.effect.name])
-    return any(priced(problem.errors(jump).total, parameters) < least for jump, parameters in jumps)
+    steady = SLOW.get(one.effect.name)
+    laws = _stops(panel, problem, gap.joint) if steady is None else _jumps(panel, problem, gap.joint, steady)
+    return any(priced(problem.errors(column).total, parameters) < least for column, parameters in laws)
 
 
-def _stops(panel: Panel, problem: JointProblem, joint: int) -> Iterator[FloatArray]:
-    """Yield how far positions (N, 1) are beyond where a stop is met, to each power."""
+def _stops(panel: Panel, problem: JointProblem, joint: int) -> Iterator[tuple[FloatArray, int]]:
+    """Yield how far positions (N, 1) are beyond where a stop is met, to each power, and its parameters."""
     position = panel.motion.q[problem.keep, joint]
     low, high = float(position.min()), float(position.max())
     for share in MET:
         for beyond in (position - (high - share * (high - low)), low + share * (high - low) - position):
             into = np.maximum(beyond, 0.0)[:, None]
             if into.any():
-                yield from (into**power for power in POWERS)
+                yield from ((into**power, STOP) for power in POWERS)
 
 
 def _jumps(panel: Panel, problem: JointProblem, joint: int, steady: str) -> Iterator[tuple[FloatArray, int]]:
@@ -66,7 +65,7 @@ def _jumps(panel: Panel, problem: JointProblem, joint: int, steady: str) -> Iter
     for term in panel.model.terms:
         if term.effect.name == steady and term.effect.joint == joint:
             column = panel.columns(term.effect, term.shape, joint)[problem.keep, 0]
-            until = [[column * (own & (t < np.quantile(t[own], share))) for share in MOMENTS] for own in logs]
+            until = [[column * (own & (t < moment)) for moment in np.quantile(t[own], MOMENTS)] for own in logs]
             yield _of_one_force(problem, until)[:, None], 1 + len(logs)
 
 

@@ -104,6 +104,11 @@ class DryFriction:
         left: FloatArray = self.panel.force[:, self.joint] - self.others @ found[:own] - columns @ found[own:]
         return left
 
+    def leaves(self, laws: Sequence[Coulomb], counts: BoolArray, rows: BoolArray) -> list[float]:
+        """Mean square that each law leaves of some rows (N,), fitted to those that count (N,)."""
+        problem = self.rows(counts).problem(self.panel)
+        return [float(np.mean(self.left(problem, self.columns(law))[rows] ** 2)) for law in laws]
+
     def built_up(self) -> Coulomb:
         """The law that fits all rows best of those that build up over a displacement: rests tell most of it.
 
@@ -201,9 +206,7 @@ def _law(
     if late is not None:
         friction = replace(friction, others=np.hstack([friction.others, late]))
     best = friction.built_up()
-    problem = friction.rows(gap.keep).problem(panel)
-    left = (friction.left(problem, friction.columns(law))[rows] for law in (friction.law, best))
-    before, after = (float(np.mean(x**2)) for x in left)
+    before, after = friction.leaves([friction.law, best], gap.keep, rows)
     return best if after < MOST * before and best.presliding > shortest else None
 
 
@@ -255,5 +258,5 @@ def _built_up_leaves(panel: Panel, gap: JointGap, turned: BoolArray) -> float:
     friction = DryFriction.of(panel.model, panel, gap.joint)
     if friction is None:
         return np.inf
-    left = friction.left(friction.rows(gap.keep).problem(panel), friction.columns(friction.built_up()))
-    return float(np.mean(left[turned] ** 2))
+    (left,) = friction.leaves([friction.built_up()], gap.keep, turned)
+    return left

@@ -182,7 +182,7 @@ def in_company(
     asks: Callable[[JointGap, float], bool],
     gaps: Sequence[JointGap],
     times: FloatArray,
-    known: BoolArray | bool = False,
+    known: BoolArray,
 ) -> BoolArray:
     """Joints (n,) of which it is true with so many times (n,), or with fewer where it is of several or known (n,)."""
     found = in_threads(lambda gap: asks(gap, float(times[gap.joint])), gaps)
