@@ -143,14 +143,32 @@ def follow(
         exponent: Dahl's, from nought to one.
         memory: stamp, position, velocity and direction of the last sample, brought up to date; see ``BEFORE_FIRST``.
     """
-    step, speed, state = position - memory[1], memory[2], memory[3]
-    if speed * velocity < 0.0:
-        beyond = 0.5 * speed * abs(speed) / (abs(speed) + abs(velocity)) * (t - memory[0])
-        state = built_up(state, beyond, displacement, exponent)
-        step -= beyond
-    state = built_up(state, step, displacement, exponent)
+    step = position - memory[1]
+    state = turned_round(memory[3], step, memory[2], velocity, t - memory[0], displacement, exponent)
     memory[0], memory[1], memory[2], memory[3] = t, position, velocity, state
     return state
+
+
+@compiled
+def turned_round(
+    state: float, step: float, first: float, last: float, time: float, displacement: float, exponent: float
+) -> float:
+    """Direction after a step whose velocity runs straight, by way of where it changes sign if it does.
+
+    Args:
+        state: the direction before, from -1 to 1.
+        step: change of position.
+        first: velocity at its start.
+        last: velocity at its end.
+        time: that it takes [s].
+        displacement: over which a direction builds up.
+        exponent: Dahl's, from nought to one.
+    """
+    if first * last < 0.0:
+        beyond = 0.5 * first * abs(first) / (abs(first) + abs(last)) * time
+        state = built_up(state, beyond, displacement, exponent)
+        step -= beyond
+    return built_up(state, step, displacement, exponent)
 
 
 @compiled

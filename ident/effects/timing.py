@@ -13,7 +13,7 @@ from ident.compiled import compiled
 from ident.effects.base import Coefficient, Context, Effect, Shape
 from ident.effects.second_order import followed
 from ident.effects.survey import Survey
-from ident.effects.turning import MOST_JOINTS, PARTS, Turning, turned
+from ident.effects.turning import MOST_JOINTS, Turning, turned
 from ident.errors import InputError
 
 if TYPE_CHECKING:
@@ -100,6 +100,9 @@ SAMPLES = 512
 
 TURNS_MORE = 1e-3
 """Change of its direction from one sample to the next from which on it is."""
+
+PARTS = 10
+"""Parts of a sample in which a filter follows friction that turns."""
 
 DAMPING = 0.5**0.5
 """Damping ratio of Butterworth's filter of second order."""

@@ -8,16 +8,10 @@ import numpy as np
 
 from ident.arrays import BoolArray, FloatArray
 from ident.compiled import compiled
-from ident.effects.direction import built_up
+from ident.effects.direction import turned_round
 
 MOST_JOINTS = 32
 """Joints for which the memory has room."""
-
-PARTS = 10
-"""Parts of a sample in which friction that turns is followed."""
-
-SLIPS = 1.0 - 1e-6
-"""Direction from which on friction has built up."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -83,8 +77,8 @@ def turned(
     """
     if presliding <= 0.0:
         return float(np.tanh((first + end * (last - first)) / turns))
-    speed = first + 0.5 * (start + end) * (last - first)
-    return built_up(before, speed * (end - start) * step, presliding, exponent)
+    begun, ended, time = first + start * (last - first), first + end * (last - first), (end - start) * step
+    return turned_round(before, 0.5 * (begun + ended) * time, begun, ended, time, presliding, exponent)
 
 
 @compiled
@@ -101,13 +95,7 @@ def _directions(
             step = 0.0 if np.isnan(memory[0]) else t[k] - memory[0]
             for j in range(joints):
                 first, now = speeds[j] if step > 0.0 else velocity[k, j], velocity[k, j]
-                slips = min(first * states[j], now * states[j]) > 0.0 and abs(states[j]) > SLIPS
-                parts = 1 if slips or presliding[j] <= 0.0 else PARTS
-                for part in range(parts):
-                    states[j] = turned(
-                        states[j], part / parts, (part + 1) / parts, first, now, step,
-                        turns[j], presliding[j], exponent[j],
-                    )  # fmt: skip
+                states[j] = turned(states[j], 0.0, 1.0, first, now, step, turns[j], presliding[j], exponent[j])
                 speeds[j] = now
             memory[0] = t[k]
         out[k] = states[:joints]
@@ -130,12 +118,5 @@ def _directions_at(
         way = (then[m] - t[after - 1]) / step
         for j in range(joints):
             first, last, state = velocity[after - 1, j], velocity[after, j], directions[after - 1, j]
-            start = 0.0
-            while start < way:
-                end = min(start + 1.0 / PARTS, way)
-                if presliding[j] <= 0.0:
-                    end = way
-                state = turned(state, start, end, first, last, step, turns[j], presliding[j], exponent[j])
-                start = end
-            out[m, j] = state
+            out[m, j] = turned(state, 0.0, way, first, last, step, turns[j], presliding[j], exponent[j])
     return out

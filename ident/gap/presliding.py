@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Self
 
 import numpy as np
 from scipy.optimize import minimize
@@ -77,15 +79,21 @@ class DryFriction:
     law: Coulomb
     others: FloatArray
 
-    @staticmethod
-    def of(model: CurrentModel, panel: Panel, joint: int) -> DryFriction | None:
+    @classmethod
+    def of_all(cls, model: CurrentModel, panel: Panel, joints: Iterable[int]) -> dict[int, Self]:
+        """The dry friction of some joints of a plain model, by joint; those that have none are left out."""
+        found = {j: cls.of(model, panel, j) for j in joints}
+        return {j: friction for j, friction in found.items() if friction is not None}
+
+    @classmethod
+    def of(cls, model: CurrentModel, panel: Panel, joint: int) -> Self | None:
         """The dry friction of a plain model's joint; None where it has none."""
         own = [t for t in model.terms if t.effect.acts_on in (None, joint)]
         law = next((t.effect for t in own if isinstance(t.effect, Coulomb)), None)
         if law is None:
             return None
         others = [panel.columns(t.effect, t.shape, joint) for t in own if t.effect is not law]
-        return DryFriction(panel, joint, law, np.hstack(others))
+        return cls(panel, joint, law, np.hstack(others))
 
     def columns(self, law: Coulomb, besides: Sequence[float] = ()) -> FloatArray:
         """Columns (N, k) of a law of dry friction, and of more of it below some speeds."""
@@ -109,6 +117,7 @@ class DryFriction:
         problem = self.rows(counts).problem(self.panel)
         return [float(np.mean(self.left(problem, self.columns(law))[rows] ** 2)) for law in laws]
 
+    @cached_property
     def built_up(self) -> Coulomb:
         """The law that fits all rows best of those that build up over a displacement: rests tell most of it.
 
@@ -148,13 +157,16 @@ def yielding(model: CurrentModel, panel: Panel, survey: Survey, rests: Rests) ->
     coupling = model.robot.coupling
     turned = panel.gather(lambda block: hardly_moved(of_motors(block, coupling), np.full(model.n, LEAST_SLIP)))
     noise = noise_at_turns(model, panel, survey)
+    dry = DryFriction.of_all(model, panel, range(model.n))
     rows = np.where(rests.sticks, ~panel.gather(rests.counts), turned)
-    asked = np.flatnonzero(rests.sticks | _err_after_turns(panel, survey, gaps, turned, noise)).tolist()
+    errs = _err_after_turns(panel, survey, gaps, dry, turned, noise)
+    asked = [j for j in dry if rests.sticks[j] or errs[j]]
     shortest = np.where(rests.sticks, AT_REST, SHORTEST)
-    laws = {j: _law(model, panel, gaps[j], rows[:, j], shortest[j], _late(panel, survey, gaps[j])) for j in asked}
+    late = {j: _late(panel, survey, gaps[j]) for j in asked}
+    laws = {j: _law(dry[j], gaps[j], rows[:, j], shortest[j], late[j]) for j in asked}
     if sum(law is not None for law in laws.values()) >= TOGETHER[0] * len(asked):
         # A lag that a joint alone seems to have is the same.
-        laws = {j: law or _law(model, panel, gaps[j], rows[:, j], shortest[j]) for j, law in laws.items()}
+        laws = {j: law or _law(dry[j], gaps[j], rows[:, j], shortest[j]) for j, law in laws.items()}
     return with_directions(model, laws)
 
 
@@ -164,8 +176,8 @@ def built_anew(model: CurrentModel, sources: Sequence[LogSource]) -> CurrentMode
     if not yields:
         return model
     panel = panel_of(model, sources)
-    frictions = {j: DryFriction.of(model, panel, j) for j in yields}
-    return with_directions(model, {j: None if dry is None else dry.built_up() for j, dry in frictions.items()})
+    frictions = DryFriction.of_all(model, panel, yields)
+    return with_directions(model, {j: dry.built_up for j, dry in frictions.items()})
 
 
 def with_directions(model: CurrentModel, laws: Mapping[int, Coulomb | None]) -> CurrentModel:
@@ -183,29 +195,20 @@ def with_directions(model: CurrentModel, laws: Mapping[int, Coulomb | None]) -> 
 
 
 def _law(
-    model: CurrentModel,
-    panel: Panel,
-    gap: JointGap,
-    rows: BoolArray,
-    shortest: float,
-    late: FloatArray | None = None,
+    friction: DryFriction, gap: JointGap, rows: BoolArray, shortest: float, late: FloatArray | None = None
 ) -> Coulomb | None:
     """The dry friction that builds up as fits all rows best; None if it leaves too much of some of them.
 
     Args:
-        model: a plain model.
-        panel: rows of logs under it.
-        gap: the joint's rows.
+        friction: the joint's.
+        gap: its rows.
         rows: those (N,) that must be told.
         shortest: displacement below which there is none.
         late: columns (N, k) of a current that comes late, which looks like that, too.
     """
-    friction = DryFriction.of(model, panel, gap.joint)
-    if friction is None:
-        return None
     if late is not None:
         friction = replace(friction, others=np.hstack([friction.others, late]))
-    best = friction.built_up()
+    best = friction.built_up
     before, after = friction.leaves([friction.law, best], gap.keep, rows)
     return best if after < MOST * before and best.presliding > shortest else None
 
@@ -222,23 +225,28 @@ def _late(panel: Panel, survey: Survey, gap: JointGap) -> FloatArray:
 
 
 def _err_after_turns(
-    panel: Panel, survey: Survey, gaps: Sequence[JointGap], turned: BoolArray, noise: FloatArray
+    panel: Panel,
+    survey: Survey,
+    gaps: Sequence[JointGap],
+    dry: Mapping[int, DryFriction],
+    turned: BoolArray,
+    noise: FloatArray,
 ) -> BoolArray:
     """Joints (n,) that err more where they have hardly moved since they turned round, and yield as they do."""
     asked = (turned.mean(axis=0) <= TURNS) & turned.any(axis=0)
 
     def yields(gap: JointGap) -> bool:
         j = gap.joint
-        if not asked[j]:
+        if not asked[j] or j not in dry:
             return False
         left = gap.without(turned[:, j]).everywhere(panel)
         much = holds(*contrast(left, turned[:, j], noise[:, j]), BESIDE, float(survey.holds[j]))
-        return much and _slips(panel, survey, gap, turned[:, j])
+        return much and _slips(panel, survey, gap, dry[j], turned[:, j])
 
     return np.array(in_threads(yields, gaps), dtype=bool)
 
 
-def _slips(panel: Panel, survey: Survey, gap: JointGap, turned: BoolArray) -> bool:
+def _slips(panel: Panel, survey: Survey, gap: JointGap, friction: DryFriction, turned: BoolArray) -> bool:
     """Whether what is left after turns is best told by friction over hardly any displacement.
 
     A current that comes late looks like that, but a delay tells it better.
@@ -250,13 +258,8 @@ def _slips(panel: Panel, survey: Survey, gap: JointGap, turned: BoolArray) -> bo
     found = [refine(panel, problem, [one], gap.joint) for _, one in ranked]
     best = min(found, key=lambda one: left_in(panel, problem, one, gap.joint, turned))
     least = left_in(panel, problem, best, gap.joint, turned)
-    return slipless(panel, gap, best) or _built_up_leaves(panel, gap, turned) < least
-
-
-def _built_up_leaves(panel: Panel, gap: JointGap, turned: BoolArray) -> float:
-    """Mean square that dry friction which builds up leaves after turns: some are over within a sample."""
-    friction = DryFriction.of(panel.model, panel, gap.joint)
-    if friction is None:
-        return np.inf
-    (left,) = friction.leaves([friction.built_up()], gap.keep, turned)
-    return left
+    if slipless(panel, gap, best):
+        return True
+    # Some turns are over within a sample, which no other law tells.
+    (left,) = friction.leaves([friction.built_up], gap.keep, turned)
+    return left < least
