@@ -53,12 +53,12 @@ class VelocityEffect(Effect):
 
 
 @dataclass(frozen=True)
-class DirectedEffect(VelocityEffect):
-    """A friction effect that points against the motion.
+class BuildsUp(Effect):
+    """A friction effect whose direction may be the state of a Dahl (1968) element.
 
-    Its direction is the sign of velocity or, with presliding, the state of a Dahl (1968) element: bearings and teeth
-    yield before they slip, so that friction builds up over a displacement as the joint turns round, and stays where
-    the joint stops. As the position changes, the direction z does by (1 - z sign(dq))^exponent / displacement.
+    Bearings and teeth yield before they slip, so that friction builds up over a displacement as the joint turns round,
+    and stays where the joint stops. As the position changes, the direction z does by
+    (1 - z sign(dq))^exponent / displacement.
 
     Attributes:
         presliding: displacement [rad or m] over which it would build up from none as it begins to; nought for none.
@@ -67,6 +67,19 @@ class DirectedEffect(VelocityEffect):
 
     presliding: float = field(default=0.0, kw_only=True)
     presliding_exponent: float = field(default=1.0, kw_only=True)
+
+    def start(self) -> FloatArray:
+        """Return what ``follow`` remembers; nothing without presliding."""
+        return BEFORE_FIRST.copy() if self.presliding > 0.0 else np.zeros(0)
+
+    def along(self, t: FloatArray, position: FloatArray, velocity: FloatArray, memory: FloatArray) -> FloatArray:
+        """Return the directions (N,) that build up along a path, carrying the memory forward; see ``build_up``."""
+        return build_up(t, position, velocity, self.presliding, self.presliding_exponent, memory)
+
+
+@dataclass(frozen=True)
+class DirectedEffect(VelocityEffect, BuildsUp):
+    """A friction effect that points against the motion: its direction builds up, or is the sign of velocity."""
 
     @property
     def remembers(self) -> bool:
@@ -87,18 +100,13 @@ class DirectedEffect(VelocityEffect):
             return plain
         return replace(plain, presliding=friction.presliding, presliding_exponent=friction.presliding_exponent)
 
-    def start(self) -> FloatArray:
-        """Return what ``follow`` remembers; nothing without presliding."""
-        return BEFORE_FIRST.copy() if self.presliding > 0.0 else np.zeros(0)
-
     def direction(self, context: Context, memory: FloatArray) -> FloatArray:
         """Return the direction (N,) of the joint's motion, from -1 to 1, carrying the memory forward."""
         if context.direction is not None:
             return context.direction
         if self.presliding > 0.0:
             motors = context.motors
-            path = motors.t, motors.q[:, self.at], motors.dq[:, self.at]
-            return build_up(*path, self.presliding, self.presliding_exponent, memory)
+            return self.along(motors.t, motors.q[:, self.at], motors.dq[:, self.at], memory)
         return self.sign(context)
 
 

@@ -11,7 +11,7 @@ import numpy as np
 from ident.arrays import FloatArray
 from ident.compiled import compiled
 from ident.effects.base import Coefficient, Context, Effect, Shape
-from ident.effects.direction import BEFORE_FIRST, build_up
+from ident.effects.direction import BuildsUp
 from ident.effects.survey import Survey
 from ident.effects.told_at_largest import ToldAtLargest
 from ident.effects.two_masses import LINK_FRICTION, link_behind, motor_inertia, searched_motor
@@ -34,20 +34,18 @@ REMEMBERED = 5
 
 
 @dataclass(frozen=True)
-class CrossJointFriction(Effect):
+class CrossJointFriction(BuildsUp):
     """Friction of a motor whose speed mixes two joints, as in coupled wrists (Gautier and Poignet 2001, Staubli RX).
+
+    It turns over a speed or, with presliding, builds up over a displacement of the mixed motion.
 
     Attributes:
         source: the other joint, from 0.
         side: sign of the other joint's share; 0 leaves it open, and lets the share vanish.
-        presliding, presliding_exponent: displacement [rad or m] of the mixed motion over which it builds up, as that of
-            ``DirectedEffect``; nought where it turns over a speed.
     """
 
     source: int = 0
     side: int = 0
-    presliding: float = 0.0
-    presliding_exponent: float = 1.0
 
     name = "cross-joint-friction"
     family = "transmission"
@@ -61,8 +59,10 @@ class CrossJointFriction(Effect):
         """Try every other joint as the source, with the joint and against it, yielding as the joint's friction does."""
         if joint is None:
             return []
-        yields = float(survey.presliding[joint]), float(survey.presliding_exponent[joint])
-        return [cls(joint, k, side, *yields) for k in range(survey.robot.n) if k != joint for side in (1, -1)]
+        displacement, exponent = float(survey.presliding[joint]), float(survey.presliding_exponent[joint])
+        own = cls(joint, presliding=displacement, presliding_exponent=exponent)
+        others = [k for k in range(survey.robot.n) if k != joint]
+        return [replace(own, source=k, side=side) for k in others for side in (1, -1)]
 
     @property
     def measured_on(self) -> int:
@@ -98,10 +98,6 @@ class CrossJointFriction(Effect):
             told.update(mix=float(shape[0] + np.pi), force=-float(coefficients[0]))
         return told
 
-    def start(self) -> FloatArray:
-        """Return what ``follow`` remembers of the mixed motion, where it builds up."""
-        return BEFORE_FIRST.copy() if self.presliding > 0.0 else np.zeros(0)
-
     def columns(self, context: Context, shape: FloatArray, memory: FloatArray) -> FloatArray:
         """Return the sign of cos(mix) dq_joint + sin(mix) dq_source, turning over a speed, and the part dq_source."""
         own, other = self._speeds(context)
@@ -109,8 +105,7 @@ class CrossJointFriction(Effect):
         if self.presliding > 0.0:
             motion = context.motion
             place = np.cos(shape[0]) * motion.q[:, self.at] + np.sin(shape[0]) * motion.q[:, self.source]
-            built = build_up(motion.t, place, mixed, self.presliding, self.presliding_exponent, memory)
-            return np.stack([built, other], axis=1)
+            return np.stack([self.along(motion.t, place, mixed, memory), other], axis=1)
         # The joint's own damping is the viscous effect's.
         return np.stack([np.tanh(mixed / shape[1]), other], axis=1)
 

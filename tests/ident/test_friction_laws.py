@@ -191,7 +191,7 @@ def test_force_of_friction_that_follows_the_other_joint_alone_is_along_its_motio
 
 
 def test_friction_of_two_joints_builds_up_over_their_motion_together(context):
-    form, mix = CrossJointFriction(4, 5, 1, 3e-4, 0.5), 0.7
+    form, mix = CrossJointFriction(4, 5, 1, presliding=3e-4, presliding_exponent=0.5), 0.7
     columns = form.columns(context, np.array([mix]), form.start())
     q, dq = (np.cos(mix) * x[:, 4] + np.sin(mix) * x[:, 5] for x in (context.motion.q, context.motion.dq))
     alone = Coulomb(0, presliding=3e-4, presliding_exponent=0.5)
