@@ -66,7 +66,8 @@ def benchmark(
         robots: vs060, ur10, panda, xarm7.
         styles: how they are moved and logged, taken in turn: usual, 500Hz, 50Hz, fourier, sinusoid, short,
             stop-and-go, noisy, sticks, yields; all for every one of them but the last two.
-        only: sets of cases (single, changed, pair, triple, nothing, foreign, tie, measured) or names of effects.
+        only: sets of cases (single, changed, pair, triple, nothing, foreign, tie, measured), names of effects, or those
+            of a set, as tie-stribeck.
         methods: who is asked.
         measured: folder of measured logs for half measured cases; default: the environment's SENSORLESS_MEASURED.
     """
@@ -127,8 +128,10 @@ def _chosen(listed: Sequence[Task | MeasuredTask], only: Sequence[str]) -> list[
 
     def words(task: Task | MeasuredTask) -> set[str]:
         if isinstance(task, MeasuredTask):
-            return {MEASURED, task.kind, task.effect}
-        return {task.kind, *(h.effect for h in task.case.hidden)}
+            effects, kinds = {task.effect}, {MEASURED, task.kind}
+        else:
+            effects, kinds = {h.effect for h in task.case.hidden}, {task.kind}
+        return {*kinds, *effects, *(f"{kind}-{effect}" for kind in kinds for effect in effects)}
 
     chosen = [task for task in listed if words(task) & set(only)]
     if not chosen:

@@ -251,6 +251,19 @@ def test_suites_hold_every_effect_and_no_name_twice():
     assert {t.case.seed for t in full}.isdisjoint({t.case.seed for t in tasks(SUITES["full"], 2)})
 
 
+def test_cases_are_chosen_by_set_by_effect_or_by_both():
+    listed = tasks(Sizes(1, (1.0,), 1, 1, ("vs060",)), 1, ("single", "nothing", "tie"))
+
+    def kinds(*only):
+        return sorted((task.kind, *(h.effect for h in task.case.hidden)) for task in bench._chosen(listed, only))
+
+    assert kinds("nothing") == [("nothing",)]
+    assert kinds("stribeck") == [("single", "stribeck"), ("tie", "stribeck")]
+    assert kinds("tie-stribeck", "nothing") == [("nothing",), ("tie", "stribeck")]
+    with pytest.raises(InputError, match="no case of pair-stribeck"):
+        kinds("pair-stribeck")
+
+
 def test_no_measured_logs_no_such_cases(tmp_path):
     assert measured_tasks(None, 1) == []
     assert measured_tasks(tmp_path, 1) == []
