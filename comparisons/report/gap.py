@@ -60,7 +60,8 @@ UNITS = {
     **{"mass": "kg", "seconds": "s", "hertz": "Hz", "roll": "rad", "pitch": "rad"},
     **dict.fromkeys(("gap", "slip", "neutral", "slack", "most_at", "least_at"), ANGLE),
     **dict.fromkeys(("force", "offset"), FORCE),
-    **{"stiffness": f"{FORCE}/{ANGLE}", "per_hour": f"{FORCE}/h", "speed": f"{ANGLE}/s"},
+    **dict.fromkeys(("stiffness", "slack_stiffness"), f"{FORCE}/{ANGLE}"),
+    **{"per_hour": f"{FORCE}/h", "speed": f"{ANGLE}/s"},
 }
 """Units of figures, by their key; friction by load has a force for each of load."""
 SIZES = {

@@ -84,7 +84,7 @@ class CableSpring(Effect):
     """Cables and hoses that pull a joint to where they hang free, stiffening away from there or once they are taut.
 
     Attributes:
-        slack: whether they pull only once they are taut, on both sides of where they hang free.
+        slack: whether they pull more once they are taut, on both sides of where they hang free; before, hardly or less.
         middle: middle of the positions seen [rad or m], of one that does so or on one side.
         half: half of their range.
         side: 1 or -1 of a hose that is drawn taut towards that side alone, over much of the way: a stop is at its end.
@@ -120,8 +120,8 @@ class CableSpring(Effect):
     def shapes(self) -> tuple[Shape, ...]:
         """Return the angle at which the cables hang free, which a stiffness alone does not tell from an offset.
 
-        Of slack ones also where they are taut, as a share of the way from there to the nearer end of the positions; of
-        those taut on one side where that begins, and over which share of half the range.
+        Of slack ones also where they are taut, as a share of the way from there to the nearer end of the positions, and
+        over which share of half the range they get so; of those taut on one side where that begins, and over which.
         """
         if self.stiffens:
             return (Shape("neutral", "{angle}", -4.0, 4.0, NEUTRAL, log=False, ends=(False, False)),)
@@ -130,26 +130,25 @@ class CableSpring(Effect):
         neutral = Shape("neutral", "{angle}", near, far, tuple(starts), log=False)
         if self.side:
             return (neutral, Shape("softness", "1", 0.02, 1.5, (0.1, 0.4), ends=(False, False)))
-        return (neutral, Shape("taut", "1", 0.05, 0.9, (0.3, 0.6), log=False, ends=(False, True)))
+        taut = Shape("taut", "1", 0.05, 0.9, (0.3, 0.6), log=False, ends=(False, True))
+        return (neutral, taut, Shape("softness", "1", 0.01, 0.4, (0.1,), ends=(False, False)))
 
     def coefficients(self, robot: Robot) -> tuple[Coefficient, ...]:
-        """Return the stiffness and, of stiffening ones, its growth with the angle's square; a pull is never a push."""
+        """Return the stiffness and its growth with the angle's square, or what it is while slack; none is a push."""
         stiffness = Coefficient("stiffness", "{current}/{angle}", lower=0.0)
         growth = Coefficient("stiffening", "{current}/{angle}^3", lower=0.0)
+        if self.slack:
+            return (stiffness, Coefficient("slack_stiffness", "{current}/{angle}", lower=0.0))
         return (stiffness, growth) if self.stiffens else (stiffness,)
 
     def columns(self, context: Context, shape: FloatArray, memory: FloatArray) -> FloatArray:
-        """Return the angle from neutral and its cube, or what it is beyond the slack or, little by little, taut."""
+        """Return the angle from neutral and its cube, or beyond the slack and itself, or, little by little, taut."""
         angle = context.motion.q[:, self.at] - shape[0]
         if self.side:
-            over = self.side * shape[1] * self.half
-            reached = angle / over
-            # Not logaddexp, which warns of positions that are not known.
-            taken: FloatArray = over * (np.maximum(reached, 0.0) + np.log1p(np.exp(-np.abs(reached))))
-            return taken[:, None]
+            return self.side * _beyond(self.side * angle, shape[1] * self.half)[:, None]
         if self.slack:
-            taut: FloatArray = np.sign(angle) * np.maximum(np.abs(angle) - self._slack(shape), 0.0)
-            return taut[:, None]
+            slack, over = self._slack(shape), shape[2] * self.half
+            return np.stack([_beyond(angle - slack, over) - _beyond(-angle - slack, over), angle], axis=1)
         return np.stack([angle, angle**3], axis=1)
 
     def _slack(self, shape: FloatArray) -> float:
@@ -164,10 +163,18 @@ class CableSpring(Effect):
         return np.stack([-np.ones_like(angle), -3.0 * angle**2], axis=1)[None]
 
     def summary(self, robot: Robot, shape: FloatArray, coefficients: FloatArray) -> dict[str, float | list[float]]:
-        """Return neutral angle, stiffness and its growth, or the slack, or over which angle it is drawn taut."""
+        """Return neutral angle, stiffness, and growth, or slack and stiffness there, or the angle it is taut over."""
         if self.stiffens:
             return super().summary(robot, shape, coefficients)
+        told: dict[str, float | list[float]] = {"neutral": float(shape[0]), "stiffness": float(coefficients.sum())}
         if self.side:
-            over = float(shape[1] * self.half)
-            return {"neutral": float(shape[0]), "over": over, "stiffness": float(coefficients[0])}
-        return {"neutral": float(shape[0]), "slack": self._slack(shape), "stiffness": float(coefficients[0])}
+            return told | {"over": float(shape[1] * self.half)}
+        return told | {"slack": self._slack(shape), "slack_stiffness": float(coefficients[1])}
+
+
+def _beyond(angle: FloatArray, over: float) -> FloatArray:
+    """How far angles (N,) are beyond nought, little by little over another."""
+    reached = angle / over
+    # Not logaddexp, which warns of positions that are not known.
+    beyond: FloatArray = over * (np.maximum(reached, 0.0) + np.log1p(np.exp(-np.abs(reached))))
+    return beyond
