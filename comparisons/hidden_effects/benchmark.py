@@ -65,7 +65,7 @@ def benchmark(
         nothing: cases in which nothing is hidden.
         robots: vs060, ur10, panda, xarm7.
         styles: how they are moved and logged, taken in turn: usual, 500Hz, 50Hz, fourier, sinusoid, short,
-            stop-and-go, noisy, sticks, yields; all for every one of them but the last two.
+            stop-and-go, noisy, sticks, servos, yields; all for every one of them but the last three.
         only: sets of cases (single, changed, pair, triple, nothing, foreign, tie, measured), names of effects, or those
             of a set, as tie-stribeck.
         methods: who is asked.

@@ -298,10 +298,9 @@ class Maker:
         pole = self._pole
         slow = lfilter([np.sqrt(1.0 - pole**2)], [1.0, -pole], rng.standard_normal(s.q.shape), axis=0)
         current = (s.known + force + noise * (np.sqrt(1.0 - SLOW) * white + np.sqrt(SLOW) * slow)) / self.gain
-        counts = 2.0 * np.pi / (8192.0 * 100.0)
         style = self.style
         noisy = s.q + (style.position_noise * rng.standard_normal(s.q.shape) if style.position_noise else 0.0)
-        seen = np.round(noisy / counts) * counts
+        seen = np.round(noisy / style.count) * style.count
         speed = None if style.velocity_noise is None else s.dq + style.velocity_noise * rng.standard_normal(s.q.shape)
         t = s.t + np.clip(style.jitter * rng.standard_normal(len(s.t)), -0.4, 0.4) / style.rate
         segment = np.cumsum(s.start).astype(np.int64) - 1

@@ -10,6 +10,9 @@ from comparisons.protocols import named
 from ident.arrays import FloatArray
 from ident.robot import Robot
 
+MOTOR_SIDE = 2.0 * np.pi / (8192.0 * 100.0)
+"""Counts [rad] of an encoder on a motor's shaft, before a gear of a hundred."""
+
 
 @dataclass(frozen=True)
 class Style:
@@ -18,6 +21,7 @@ class Style:
     Attributes:
         pieces: what every log consists of: kind of motion and seconds.
         rate: sampling rate [Hz].
+        count: of the encoders [rad].
         position_noise: standard deviation of the logged positions beyond their counts [rad].
         velocity_noise: that of logged velocities [rad/s]; None logs none.
         jitter: standard deviation of the time stamps, as a share of the sampling period.
@@ -27,6 +31,7 @@ class Style:
 
     pieces: tuple[tuple[str, float], ...] = (("fourier", 40.0), ("slow", 25.0), ("stop_and_go", 25.0))
     rate: float = 100.0
+    count: float = MOTOR_SIDE
     position_noise: float = 0.0
     velocity_noise: float | None = None
     jitter: float = 0.0
@@ -44,6 +49,7 @@ STYLES = {
     "stop-and-go": Style((("stop_and_go", 90.0),), rate=125.0),
     "noisy": Style(rate=200.0, position_noise=5e-5, velocity_noise=5e-3),
     "sticks": Style((("stop_and_go", 45.0), ("fourier", 30.0)), rate=125.0, holds=True),
+    "servos": Style((("stop_and_go", 30.0), ("fourier", 30.0)), rate=50.0, count=2.0 * np.pi / 4096.0, holds=True),
     "yields": Style(
         (("fourier", 40.0), ("slow", 20.0), ("stop_and_go", 20.0)), position_noise=3e-6, yields=(4e-5, 3e-4)
     ),

@@ -6,11 +6,15 @@ below the cut-off. Its first harmonic is a count over pi: a model that sees it p
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import numpy as np
 
 from ident.arrays import FloatArray
-from ident.effects.survey import Survey
-from ident.gap.panel import Panel
+
+if TYPE_CHECKING:
+    from ident.effects.survey import Survey
+    from ident.gap.panel import Panel
 
 ROUNDING = 1e-9
 """Positions [rad or m] that differ by less are the same."""
@@ -27,8 +31,7 @@ def encoder_counts(q: FloatArray) -> FloatArray:
 
 def counted_acceleration(panel: Panel, survey: Survey, joint: int) -> float:
     """Largest acceleration [rad/s^2 or m/s^2] that a joint's counts feign; of positions without any, about nought."""
-    count = float(encoder_counts(np.concatenate([block.log.q[:, [joint]] for block in panel.blocks]))[0])
-    return (2.0 * np.pi * survey.cutoff) ** 2 * count / np.pi
+    return (2.0 * np.pi * survey.cutoff) ** 2 * float(panel.counts[joint]) / np.pi
 
 
 def counted_force(panel: Panel, survey: Survey, joint: int) -> float:

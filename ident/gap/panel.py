@@ -14,6 +14,7 @@ from scipy.ndimage import binary_dilation
 from ident.arrays import BoolArray, FloatArray, IntArray
 from ident.effects.base import Context, Effect
 from ident.effects.direction import DirectedEffect
+from ident.gap.counts import encoder_counts
 from ident.gap.cut_away import cut_away, filtered_again
 from ident.gap.folds import log_numbers
 from ident.gap.jolts import jolts
@@ -59,6 +60,11 @@ class Panel:
     def jolts(self) -> FloatArray:
         """Standard deviation (n,) of each joint's force by noise of the accelerations, in force units."""
         return jolts(self.model, self.blocks, self.rows)
+
+    @cached_property
+    def counts(self) -> FloatArray:
+        """Counts (n,) of the joints' encoders [rad or m], as far as positions come in such."""
+        return encoder_counts(np.concatenate([block.log.q for block in self.blocks]))
 
     @property
     def jolted(self) -> FloatArray:

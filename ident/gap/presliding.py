@@ -48,7 +48,8 @@ GRID, STEPS = np.array([(i / 7.0, k / 2.0) for i in range(8) for k in range(3)])
 """Places on those ranges that are tried first, and laws that are tried about the best of them."""
 
 SHORTEST, AT_REST = 2.4e-6, 1.2e-5
-"""What ends below this is a sign that turns at once; so it is of joints that stick: encoders hardly see them creep."""
+"""What ends below this is a sign that turns at once; so it is of joints that stick, and below a count of the encoders
+that do not see them creep."""
 
 ROWS = 4000
 """Rows that laws are fitted to, evenly spread."""
@@ -161,7 +162,7 @@ def yielding(model: CurrentModel, panel: Panel, survey: Survey, rests: Rests) ->
     rows = np.where(rests.sticks, ~panel.gather(rests.counts), turned)
     errs = _err_after_turns(panel, survey, gaps, dry, turned, noise)
     asked = [j for j in dry if rests.sticks[j] or errs[j]]
-    shortest = np.where(rests.sticks, AT_REST, SHORTEST)
+    shortest = np.where(rests.sticks, np.maximum(AT_REST, panel.counts), SHORTEST)
     late = {j: _late(panel, survey, gaps[j]) for j in asked}
     laws = {j: _law(dry[j], gaps[j], rows[:, j], shortest[j], late[j]) for j in asked}
     if sum(law is not None for law in laws.values()) >= TOGETHER[0] * len(asked):
