@@ -134,8 +134,11 @@ def gap_report(found: GapReport, test: Sequence[LogSource], note: Provenance) ->
     robot, unit = found.model.robot, found.model.unit
     before, after = found.evidence.before, found.evidence.after
     names = ", ".join(dict.fromkeys(f.effect for f in found.findings)) or "nothing"
+    # What rests of joints that stick hold is not the model's to tell.
+    first, last = (found.evidence.moving[0], found.evidence.moving[-1]) if found.rests else (before, after)
+    part = ", in motion," if found.rests else ""
     summary = (
-        f"Named: {names}. Mean error on the test logs {before.mean():.3g} {unit} before, {after.mean():.3g} after."
+        f"Named: {names}. Mean error on the test logs{part} {first.mean():.3g} {unit} before, {last.mean():.3g} after."
     )
     report = Report(f"The gap between simulation and measurement of {robot.name}", summary)
     if found.warnings:
@@ -161,7 +164,7 @@ def gap_report(found: GapReport, test: Sequence[LogSource], note: Provenance) ->
         "Blank: hardly a row, or rows left out because the joint sticks, or noise hides which way it moves."
     )
     report.figure(_map(found), "Before (left) and after (right) what was found is added")
-    shown = [before, after, *((found.evidence.moving[0], found.evidence.moving[-1]) if found.rests else ())]
+    shown = [before, after, *((first, last) if found.rests else ())]
     rows = [[j + 1, name, *(x[j] for x in shown), found.noise_floor[j]] for j, name in enumerate(robot.joints)]
     moving = [f"before, in motion [{unit}]", f"after, in motion [{unit}]"] if found.rests else []
     columns = ["joint", "name", f"before [{unit}]", f"after [{unit}]", *moving, f"noise floor [{unit}]"]

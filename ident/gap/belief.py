@@ -104,6 +104,7 @@ def unexplained(
     named: Sequence[Named],
     doubted: Sequence[Named],
     mistimed: FloatArray,
+    held: FloatArray,
 ) -> list[Unexplained]:
     """What is left on a joint and could be explained by motion, or follows the clock or its own past alone.
 
@@ -116,6 +117,7 @@ def unexplained(
         named: its names.
         doubted: those that are not believed.
         mistimed: error (N,) by which its dry friction may turn too early or late, by standard deviation.
+        held: what its rests that are left out have (N,) beyond what its dry friction may hold.
     """
     problem = gap.problem(panel, [n.trial for n in named])
     left = explainable(panel, survey, gap.joint, problem.residual, problem.keep)
@@ -136,7 +138,12 @@ def unexplained(
     if rare > BURSTS:
         return [Unexplained((gap.joint,), ("t (in bursts)",), rare)]
     past = remembered_of(panel, problem, problem.residual)
-    return [Unexplained((gap.joint,), ("t (its own past)",), past)] if past > WORTH_SAYING else []
+    if past > WORTH_SAYING:
+        return [Unexplained((gap.joint,), ("t (its own past)",), past)]
+    squares_held = float(held @ held)
+    at_rest = squares_held / max(squares_held + float(problem.residual @ problem.residual), 1e-300)
+    signals = (f"dq{gap.joint + 1} (at rest, more than friction holds)",)
+    return [Unexplained((gap.joint,), signals, at_rest)] if at_rest > WORTH_SAYING else []
 
 
 def _at_turns(panel: Panel, problem: JointProblem, joint: int, depends_on: tuple[str, ...]) -> tuple[str, ...]:

@@ -28,7 +28,7 @@ from ident.gap.rows import left_by
 from ident.gap.settle import alternatives, next_experiment
 from ident.gap.subject import Subject
 from ident.gap.threads import in_threads
-from ident.gap.touch import Touches
+from ident.gap.touch import Touches, undisturbed
 from ident.gap.unsure import mistimed, turning
 from ident.gap.untold import untold_warnings
 from ident.gap.velocity_lag import VelocityLag
@@ -102,11 +102,14 @@ class Reporter:
             return [self._joint_finding(gap, names, one, plain.errors().total) for one in names]
 
         findings += chain(*in_threads(see, range(len(problems))))
-        left = in_threads(
-            lambda j: unexplained(panel, survey, causes.gaps[j], causes.named[j], causes.doubted[j], errors[:, j]),
-            range(len(causes.gaps)),
-        )
-        nameless = list(chain(*left))
+        rests = ~panel.gather(subject.rests.counts)
+
+        def left(joint: int) -> list[Unexplained]:
+            gap, names, rest = causes.gaps[joint], causes.named[joint], rests[:, joint]
+            held = subject.rests.beyond(joint, undisturbed(gap, panel, [n.trial for n in names])) * rest
+            return unexplained(panel, survey, gap, names, causes.doubted[joint], errors[:, joint], held)
+
+        nameless = list(chain(*in_threads(left, range(len(causes.gaps)))))
         if len(subject.model.terms) > self.start.known:
             # Rows fitted one joint at a time bend their links to a wrong gain: only those that all share show it.
             before = np.where(np.isnan(before), np.nan, left_by(self.start.model, panel.seen_by(self.start.model)))

@@ -25,10 +25,10 @@ RATE, NOISE, DRY = 100.0, 0.08, np.array([1.5, 0.8])
 MOVE, STOP = 1.6, 0.8  # seconds
 
 
-def record(arm, seed, hidden=None, held=1.0, hum=0.0, moves=28, still=()):
+def record(arm, seed, hidden=None, held=1.0, hum=0.0, moves=28, still=(), count=0.0):
     """Point-to-point moves; while a joint stands its friction holds a level drawn anew (times ``held``), or hums.
 
-    Joints in ``still`` stand throughout.
+    Joints in ``still`` stand throughout; positions are logged in multiples of ``count``, if any.
     """
     rng = np.random.default_rng(seed)
     t = np.arange(round(moves * (MOVE + STOP) * RATE)) / RATE
@@ -49,7 +49,8 @@ def record(arm, seed, hidden=None, held=1.0, hum=0.0, moves=28, still=()):
     torque += stands * hum * np.sin(2 * np.pi * 3.3 * t)[:, None]
     if hidden is not None:
         torque[:, 1] += hidden(q, dq, stands[:, 1])
-    return JointLog(t=t, q=q, current=torque, name=f"log{seed}")
+    seen = np.round(q / count) * count if count else q
+    return JointLog(t=t, q=seen, current=torque, name=f"log{seed}")
 
 
 def logs(arm, **options):
@@ -113,7 +114,8 @@ def test_rests_into_which_a_late_current_reaches_count(arm, monkeypatch, late, s
     assert find_rests(replace(model, terms=terms), train).joints == sticks
 
 
-def test_rests_that_remember_where_the_joint_came_from_count(arm):
+@pytest.mark.parametrize(("count", "sticks", "named"), [(0.0, (), [("maxwell-slip", (1,))]), (1.5e-3, (1,), [])])
+def test_rests_that_remember_where_the_joint_came_from_count_if_the_encoder_shows_it(arm, count, sticks, named):
     def kept(q, dq, stands):
         # Dahl's law instead of the sign of velocity: at rest it stays.
         z = np.zeros(len(q))
@@ -121,9 +123,9 @@ def test_rests_that_remember_where_the_joint_came_from_count(arm):
             z[k] = np.sign(step) + (z[k - 1] - np.sign(step)) * np.exp(-abs(step))
         return DRY[1] * (z - np.where(stands, 0.0, np.tanh(dq[:, 1] / 2e-3)))
 
-    found = found_in(arm, held=0.0, hidden=kept)
-    assert found.rests == ()
-    assert [(one.effect, one.joints) for one in found.findings] == [("maxwell-slip", (1,))]
+    found = found_in(arm, held=0.0, hidden=kept, count=count)
+    assert found.rests == sticks
+    assert [(one.effect, one.joints) for one in found.findings] == named
 
 
 @pytest.mark.parametrize("least", [0.0, 0.5])
@@ -160,6 +162,16 @@ def test_how_a_joint_stops_and_starts_is_no_rattling(standing, rattles):
 def test_a_load_at_rest_is_more_than_dry_friction_holds(arm):
     found = found_in(arm, held=0.0, hidden=lambda q, dq, stands: stands * 4.0 * np.sign(q[:, 1]))
     assert found.rests == ()
+
+
+def test_bursts_at_rest_beyond_what_friction_holds_are_unexplained(arm):
+    def bursts(q, dq, stands):
+        return 4.0 * DRY[1] * (stands & ~np.append(stands[8:], np.ones(8, dtype=bool)))
+
+    found = found_in(arm, hidden=bursts)
+    assert (found.rests, found.findings) == ((0, 1), ())
+    (one,) = found.unexplained
+    assert (one.joints, one.depends_on) == ((1,), ("dq2 (at rest, more than friction holds)",))
 
 
 def test_a_joint_that_stands_while_others_are_moved_sticks(arm):
