@@ -102,14 +102,7 @@ class Reporter:
             return [self._joint_finding(gap, names, one, plain.errors().total) for one in names]
 
         findings += chain(*in_threads(see, range(len(problems))))
-        rests = ~panel.gather(subject.rests.counts)
-
-        def left(joint: int) -> list[Unexplained]:
-            gap, names, rest = causes.gaps[joint], causes.named[joint], rests[:, joint]
-            held = subject.rests.beyond(joint, undisturbed(gap, panel, [n.trial for n in names])) * rest
-            return unexplained(panel, survey, gap, names, causes.doubted[joint], errors[:, joint], held)
-
-        nameless = list(chain(*in_threads(left, range(len(causes.gaps)))))
+        nameless = self._nameless(causes, errors)
         if len(subject.model.terms) > self.start.known:
             # Rows fitted one joint at a time bend their links to a wrong gain: only those that all share show it.
             before = np.where(np.isnan(before), np.nan, left_by(self.start.model, panel.seen_by(self.start.model)))
@@ -144,6 +137,20 @@ class Reporter:
                 *self._misfit(shown, after + own[1], bool(contacts)),
             ),
         )  # fmt: skip
+
+    def _nameless(self, causes: Causes, errors: FloatArray) -> list[Unexplained]:
+        """What is left on every joint, also in rests that are left out; errors (N, n) are of when its friction turns."""
+        panel, rests = self.subject.panel, self.subject.rests
+        counts = panel.gather(rests.counts)
+
+        def left(joint: int) -> list[Unexplained]:
+            gap, names, rest = causes.gaps[joint], causes.named[joint], ~counts[:, joint]
+            held = np.zeros(len(panel))
+            if rest.any():
+                held[rest] = rests.beyond(joint, undisturbed(gap, panel, [n.trial for n in names])[rest])
+            return unexplained(panel, self.subject.survey, gap, names, causes.doubted[joint], errors[:, joint], held)
+
+        return list(chain(*in_threads(left, range(len(causes.gaps)))))
 
     def _denied(self, causes: Causes, findings: Sequence[Finding]) -> list[Named]:
         """Joints' own causes of which the model delivered has nothing though all its rows of the joint were searched.
