@@ -142,7 +142,7 @@ def unexplained(
         return [Unexplained((gap.joint,), ("t (its own past)",), past)]
     squares_held = float(held @ held)
     at_rest = squares_held / max(squares_held + float(problem.residual @ problem.residual), 1e-300)
-    signals = (f"dq{gap.joint + 1} (at rest, more than friction holds)",)
+    signals = (f"dq{gap.joint + 1} (about rests, more than friction holds)",)
     return [Unexplained((gap.joint,), signals, at_rest)] if at_rest > WORTH_SAYING else []
 
 

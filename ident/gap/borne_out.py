@@ -99,8 +99,10 @@ def _chance(panel: Panel, problems: Sequence[JointProblem], law: Whole, alike: f
 
 def _share(panel: Panel, problem: JointProblem, whole: Whole, joint: int) -> tuple[float, float]:
     """How many times a cause a joint asks for, and the standard error of that by independent samples."""
-    column = problem.away(columns_of(panel, whole, joint)[problem.keep, None])[:, 0]
+    # Friction that builds up within what its encoder hides comes late, too.
+    rows = ~panel.after_turns[problem.keep, joint]
+    column = problem.away(columns_of(panel, whole, joint)[problem.keep, None])[rows, 0]
     square = max(float(column @ column), TINY)
-    share = float(column @ problem.residual) / square
-    left: FloatArray = problem.residual - share * column
+    share = float(column @ problem.residual[rows]) / square
+    left: FloatArray = problem.residual[rows] - share * column
     return share, float(np.sqrt(correlation_time(left) * max(float(np.mean(left**2)), TINY) / square))

@@ -14,10 +14,12 @@ from scipy.ndimage import binary_dilation
 from ident.arrays import BoolArray, FloatArray, IntArray
 from ident.effects.base import Context, Effect
 from ident.effects.direction import DirectedEffect
+from ident.effects.hysteresis import LEAST_SLIP
 from ident.gap.counts import encoder_counts
 from ident.gap.cut_away import cut_away, filtered_again
 from ident.gap.folds import log_numbers
 from ident.gap.jolts import jolts
+from ident.gap.standing import hardly_moved, of_motors
 from ident.model import CurrentModel
 from ident.robot import Robot
 from ident.signals import Motion
@@ -25,6 +27,9 @@ from ident.walk import Block
 
 Scalar = TypeVar("Scalar", bound=np.generic)
 
+
+HIDE = 2.0
+"""Counts of an encoder, within which what a joint does is not seen."""
 
 WHITE = 1.5
 """How many times the square of what white noise makes of a force noise may make, which is not quite white."""
@@ -65,6 +70,17 @@ class Panel:
     def counts(self) -> FloatArray:
         """Counts (n,) of the joints' encoders [rad or m], as far as positions come in such."""
         return encoder_counts(np.concatenate([block.log.q for block in self.blocks]))
+
+    @property
+    def hidden(self) -> FloatArray:
+        """Displacements (n,) that coarse encoders hide [rad or m]; nought where only a sign that turns is as short."""
+        hidden = HIDE * self.counts
+        return np.where(hidden > LEAST_SLIP, hidden, 0.0)
+
+    @cached_property
+    def after_turns(self) -> BoolArray:
+        """Rows (N, n) in which joints have moved by less than that since they turned round."""
+        return self.gather(lambda block: hardly_moved(of_motors(block, self.robot.coupling), self.hidden))
 
     @property
     def jolted(self) -> FloatArray:

@@ -139,7 +139,7 @@ class Reporter:
         )  # fmt: skip
 
     def _nameless(self, causes: Causes, errors: FloatArray) -> list[Unexplained]:
-        """What is left on every joint, also in rests that are left out; errors (N, n) are of when its friction turns."""
+        """What is left on every joint, also in rests left out; errors (N, n) are of when its friction turns."""
         panel, rests = self.subject.panel, self.subject.rests
         counts = panel.gather(rests.counts)
 

@@ -81,9 +81,6 @@ velocity was chosen wide to blur it): what friction holds is there at once, and 
 SEVERAL = 4.0
 """Rests without which none of them is told of: one level is explained by anything."""
 
-HIDE = 2.0
-"""Counts of its encoder, of which displacements are hardly seen."""
-
 TELLING = ("hysteresis", "rigid-body", "friction", "timing")
 """Families of effects that may act on a joint that stands; ripples fit whatever a few poses hold."""
 
@@ -336,4 +333,4 @@ def slipless(panel: Panel, gap: JointGap, trial: Trial, besides: Sequence[Trial]
     if not isinstance(trial.effect, MaxwellSlip) or trial.effect.joint != gap.joint:
         return False
     found = coefficients(panel, gap.problem(panel, besides), trial, gap.joint)
-    return trial.effect.mean_slip(trial.shape, found) < max(LEAST_SLIP, HIDE * float(panel.counts[gap.joint]))
+    return trial.effect.mean_slip(trial.shape, found) < max(LEAST_SLIP, float(panel.hidden[gap.joint]))

@@ -64,3 +64,19 @@ def test_relative_gains_are_not_taken_for_known_ones(arm):
     )
     np.testing.assert_array_equal(known, 1.0)
     assert np.all(relative != 1.0)
+
+
+def test_rows_within_two_counts_of_a_turn_are_those_of_coarse_encoders_alone(arm):
+    (log, *_) = logs(arm, 1)
+    model = baseline_model(arm, [log])
+    fine, coarse = 1e-5, 1.5e-3
+    seen = replace(
+        log, q=np.column_stack([np.round(log.q[:, 0] / fine) * fine, np.round(log.q[:, 1] / coarse) * coarse])
+    )
+    panel = panel_of(model, [seen])
+    np.testing.assert_allclose(panel.counts, [fine, coarse], rtol=1e-6)
+    np.testing.assert_allclose(panel.hidden, [0.0, 2.0 * coarse], rtol=1e-6)
+    turned, after = np.sign(panel.velocity[1:, 1]) != np.sign(panel.velocity[:-1, 1]), panel.after_turns
+    assert not after[:, 0].any()
+    assert after[1:, 1][turned].all()
+    assert after[:, 1].mean() < 0.2
