@@ -20,6 +20,7 @@ if TYPE_CHECKING:
 
     from ident.arrays import FloatArray
     from ident.gap import Finding, GapReport, Unexplained
+    from ident.gap.evidence import Evidence
     from ident.log import LogSource
 
 WORDS = {
@@ -104,8 +105,7 @@ def sentence(found: GapReport, finding: Finding) -> str:
     text = f"{where}: {words} ({finding.effect}; {figures})"
     if found.evidence is not None and finding.effect != "contact":
         number = found.findings.index(finding)
-        # Rests of joints that stick would hide what became of the rest.
-        steps, part = (found.evidence.moving, ", in motion,") if found.rests else (found.evidence.steps, "")
+        steps, part = _errors(found, found.evidence)
         before, after = steps[number], steps[number + 1]
         everywhere = not finding.joints or any(term.effect.acts_on is None for term in finding.terms)
         joint = int(np.argmax(1.0 - after / before)) if everywhere else finding.joints[0]
@@ -122,6 +122,11 @@ def sentence(found: GapReport, finding: Finding) -> str:
     return text
 
 
+def _errors(found: GapReport, shown: Evidence) -> tuple[Sequence[FloatArray], str]:
+    """Errors (n,) on test logs, step by step, and how to say so: of motion where rests of joints that stick hide it."""
+    return (shown.moving, ", in motion,") if found.rests else (shown.steps, "")
+
+
 def gap_report(found: GapReport, test: Sequence[LogSource], note: Provenance) -> Report:
     """Report what the workflow found.
 
@@ -134,9 +139,8 @@ def gap_report(found: GapReport, test: Sequence[LogSource], note: Provenance) ->
     robot, unit = found.model.robot, found.model.unit
     before, after = found.evidence.before, found.evidence.after
     names = ", ".join(dict.fromkeys(f.effect for f in found.findings)) or "nothing"
-    # What rests of joints that stick hold is not the model's to tell.
-    first, last = (found.evidence.moving[0], found.evidence.moving[-1]) if found.rests else (before, after)
-    part = ", in motion," if found.rests else ""
+    steps, part = _errors(found, found.evidence)
+    first, last = steps[0], steps[-1]
     summary = (
         f"Named: {names}. Mean error on the test logs{part} {first.mean():.3g} {unit} before, {last.mean():.3g} after."
     )

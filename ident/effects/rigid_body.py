@@ -138,7 +138,8 @@ class CableSpring(Effect):
         stiffness = Coefficient("stiffness", "{current}/{angle}", lower=0.0)
         growth = Coefficient("stiffening", "{current}/{angle}^3", lower=0.0)
         if self.slack:
-            return (stiffness, Coefficient("slack_stiffness", "{current}/{angle}", lower=0.0))
+            more = Coefficient("tautening", "{current}/{angle}", lower=0.0)
+            return (more, Coefficient("slack_stiffness", "{current}/{angle}", lower=0.0))
         return (stiffness, growth) if self.stiffens else (stiffness,)
 
     def columns(self, context: Context, shape: FloatArray, memory: FloatArray) -> FloatArray:

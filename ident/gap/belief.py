@@ -106,7 +106,7 @@ def unexplained(
     mistimed: FloatArray,
     held: FloatArray,
 ) -> list[Unexplained]:
-    """What is left on a joint and could be explained by motion, or follows the clock or its own past alone.
+    """What is left on a joint and could be explained by motion, or follows the clock, its own past or its rests alone.
 
     What names that are not believed explained is there, whatever it is.
 

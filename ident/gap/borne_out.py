@@ -99,10 +99,15 @@ def _chance(panel: Panel, problems: Sequence[JointProblem], law: Whole, alike: f
 
 def _share(panel: Panel, problem: JointProblem, whole: Whole, joint: int) -> tuple[float, float]:
     """How many times a cause a joint asks for, and the standard error of that by independent samples."""
-    # Friction that builds up within what its encoder hides comes late, too.
-    rows = ~panel.after_turns[problem.keep, joint]
-    column = problem.away(columns_of(panel, whole, joint)[problem.keep, None])[rows, 0]
+    column = columns_of(panel, whole, joint)[problem.keep, None]
+    # Friction that builds up within what its encoder does not show comes late, too.
+    shown = ~panel.unseen[problem.keep, joint]
+    if not shown.any():
+        return 0.0, np.inf
+    if not shown.all():
+        problem, column = problem.among(shown), column[shown]
+    column = problem.away(column)[:, 0]
     square = max(float(column @ column), TINY)
-    share = float(column @ problem.residual[rows]) / square
-    left: FloatArray = problem.residual[rows] - share * column
+    share = float(column @ problem.residual) / square
+    left: FloatArray = problem.residual - share * column
     return share, float(np.sqrt(correlation_time(left) * max(float(np.mean(left**2)), TINY) / square))

@@ -19,14 +19,21 @@ if TYPE_CHECKING:
 ROUNDING = 1e-9
 """Positions [rad or m] that differ by less are the same."""
 
+STEPS, WHOLE, MOSTLY = 10, 0.1, 0.9
+"""Steps between positions that are asked for, how far they may be off a multiple, and share of them that must not be.
+"""
+
 
 def encoder_counts(q: FloatArray) -> FloatArray:
-    """Return the least step (n,) between any two of the positions (N, n); nought of a joint that stands still."""
+    """Return the step (n,) of which all between positions (N, n) are multiples; nought where there is none."""
     counts = np.zeros(q.shape[1])
     for joint, positions in enumerate(q.T):
         steps = np.diff(np.unique(positions))
-        counts[joint] = np.min(steps[steps > ROUNDING], initial=np.inf)
-    return np.where(np.isfinite(counts), counts, 0.0)
+        steps = steps[steps > ROUNDING]
+        multiples = steps / np.min(steps, initial=np.inf)
+        if len(steps) >= STEPS and np.mean(np.abs(multiples - np.round(multiples)) < WHOLE) >= MOSTLY:
+            counts[joint] = steps.min()
+    return counts
 
 
 def counted_acceleration(panel: Panel, survey: Survey, joint: int) -> float:

@@ -28,8 +28,8 @@ from ident.walk import Block
 Scalar = TypeVar("Scalar", bound=np.generic)
 
 
-HIDE = 2.0
-"""Counts of an encoder, within which what a joint does is not seen."""
+SEEN = 2.0
+"""Counts of an encoder that a joint must move by for that to be seen."""
 
 WHITE = 1.5
 """How many times the square of what white noise makes of a force noise may make, which is not quite white."""
@@ -68,19 +68,21 @@ class Panel:
 
     @cached_property
     def counts(self) -> FloatArray:
-        """Counts (n,) of the joints' encoders [rad or m], as far as positions come in such."""
-        return encoder_counts(np.concatenate([block.log.q for block in self.blocks]))
+        """Counts (n,) of the motors' encoders [rad or m], the coarsest of all logs; nought where there are none."""
+        coupling = self.robot.coupling
+        positions = (b.log.q if coupling is None else coupling.motor_motion(b.log.q) for b in self.blocks)
+        return np.asarray(np.max([encoder_counts(q) for q in positions], axis=0))
 
     @property
-    def hidden(self) -> FloatArray:
-        """Displacements (n,) that coarse encoders hide [rad or m]; nought where only a sign that turns is as short."""
-        hidden = HIDE * self.counts
-        return np.where(hidden > LEAST_SLIP, hidden, 0.0)
+    def least_seen(self) -> FloatArray:
+        """Displacements (n,) that coarse encoders hardly show [rad or m]; nought of finer ones, that show all slips."""
+        least = SEEN * self.counts
+        return np.where(least > LEAST_SLIP, least, 0.0)
 
     @cached_property
-    def after_turns(self) -> BoolArray:
-        """Rows (N, n) in which joints have moved by less than that since they turned round."""
-        return self.gather(lambda block: hardly_moved(of_motors(block, self.robot.coupling), self.hidden))
+    def unseen(self) -> BoolArray:
+        """Rows (N, n) in which joints have moved by less than their encoders show since they turned round."""
+        return self.gather(lambda block: hardly_moved(of_motors(block, self.robot.coupling), self.least_seen))
 
     @property
     def jolted(self) -> FloatArray:

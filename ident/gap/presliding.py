@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, replace
-from functools import cached_property
+from dataclasses import dataclass, field, replace
 from typing import Self
 
 import numpy as np
@@ -79,6 +78,7 @@ class DryFriction:
     joint: int
     law: Coulomb
     others: FloatArray
+    _found: list[Coulomb] = field(init=False, default_factory=list)
 
     @classmethod
     def of_all(cls, model: CurrentModel, panel: Panel, joints: Iterable[int]) -> dict[int, Self]:
@@ -118,12 +118,15 @@ class DryFriction:
         problem = self.rows(counts).problem(self.panel)
         return [float(np.mean(self.left(problem, self.columns(law))[rows] ** 2)) for law in laws]
 
-    @cached_property
     def built_up(self) -> Coulomb:
-        """The law that fits all rows best of those that build up over a displacement: rests tell most of it.
+        """The law that fits all rows best of those that build up over a displacement: rests tell most of it."""
+        # Not a cached property, into which Python 3.11 lets one thread at a time, of whichever instance.
+        if not self._found:
+            self._found.append(self._search())
+        return self._found[0]
 
-        Friction may follow the speed as it likes: what it is more as a joint creeps would shorten the displacement.
-        """
+    def _search(self) -> Coulomb:
+        """The same; friction may follow the speed: what it is more as a joint creeps would shorten the displacement."""
         some = np.arange(len(self.panel)) % max(1, len(self.panel) // ROWS) == 0
         problem = self.rows(some).problem(self.panel)
         # A panel of its own: what is tried once need not be kept.
@@ -163,8 +166,9 @@ def yielding(model: CurrentModel, panel: Panel, survey: Survey, rests: Rests) ->
     errs = _err_after_turns(panel, survey, gaps, dry, turned, noise)
     asked = [j for j in dry if rests.sticks[j] or errs[j]]
     shortest = np.where(rests.sticks, np.maximum(AT_REST, panel.counts), SHORTEST)
-    late = {j: _late(panel, survey, gaps[j]) for j in asked}
-    laws = {j: _law(dry[j], gaps[j], rows[:, j], shortest[j], late[j]) for j in asked}
+    shown = [j for j in asked if shortest[j] < DISPLACEMENTS[1]]
+    late = {j: _late(panel, survey, gaps[j]) for j in shown}
+    laws = {j: _law(dry[j], gaps[j], rows[:, j], shortest[j], late[j]) for j in shown}
     if sum(law is not None for law in laws.values()) >= TOGETHER[0] * len(asked):
         # A lag that a joint alone seems to have is the same.
         laws = {j: law or _law(dry[j], gaps[j], rows[:, j], shortest[j]) for j, law in laws.items()}
@@ -178,7 +182,7 @@ def built_anew(model: CurrentModel, sources: Sequence[LogSource]) -> CurrentMode
         return model
     panel = panel_of(model, sources)
     frictions = DryFriction.of_all(model, panel, yields)
-    return with_directions(model, {j: dry.built_up for j, dry in frictions.items()})
+    return with_directions(model, {j: dry.built_up() for j, dry in frictions.items()})
 
 
 def with_directions(model: CurrentModel, laws: Mapping[int, Coulomb | None]) -> CurrentModel:
@@ -209,7 +213,7 @@ def _law(
     """
     if late is not None:
         friction = replace(friction, others=np.hstack([friction.others, late]))
-    best = friction.built_up
+    best = friction.built_up()
     before, after = friction.leaves([friction.law, best], gap.keep, rows)
     return best if after < MOST * before and best.presliding > shortest else None
 
@@ -262,5 +266,5 @@ def _slips(panel: Panel, survey: Survey, gap: JointGap, friction: DryFriction, t
     if slipless(panel, gap, best):
         return True
     # Some turns are over within a sample, which no other law tells.
-    (left,) = friction.leaves([friction.built_up], gap.keep, turned)
+    (left,) = friction.leaves([friction.built_up()], gap.keep, turned)
     return left < least

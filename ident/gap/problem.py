@@ -137,7 +137,7 @@ class JointProblem:
         # Where a joint moves alone, others' columns are rounding: what that is fitted to is no force elsewhere.
         self.norm = np.where(size > NOTHING * whole, size, np.where(whole > 0, whole, 1.0))
         self.matrix = matrix[self.keep] / self.norm
-        self.prior = costs(prior, self.norm)
+        self._cost, self.prior = prior, costs(prior, self.norm)
         self.target = target[self.keep]
         self.fold = fold[self.keep]
         # A fold none of whose rows counts is one still: all joints have as many.
@@ -152,6 +152,10 @@ class JointProblem:
 
     def __len__(self) -> int:
         return len(self.target)
+
+    def among(self, rows: BoolArray) -> JointProblem:
+        """The same with some (M,) of the rows that count."""
+        return JointProblem(self.matrix * self.norm, self.target, self.fold, rows, self._cost)
 
     def of(self, columns: FloatArray) -> FloatArray:
         """The rows that count of columns (M, k) in all rows."""

@@ -333,4 +333,4 @@ def slipless(panel: Panel, gap: JointGap, trial: Trial, besides: Sequence[Trial]
     if not isinstance(trial.effect, MaxwellSlip) or trial.effect.joint != gap.joint:
         return False
     found = coefficients(panel, gap.problem(panel, besides), trial, gap.joint)
-    return trial.effect.mean_slip(trial.shape, found) < max(LEAST_SLIP, float(panel.hidden[gap.joint]))
+    return trial.effect.mean_slip(trial.shape, found) < max(LEAST_SLIP, float(panel.least_seen[gap.joint]))

@@ -14,7 +14,7 @@ from ident.effects.timing import Delay
 from ident.gap import baseline_model, borne_out
 from ident.gap.borne_out import chance_in_all, late_on_all
 from ident.gap.on_all import Whole
-from ident.gap.problem import gain
+from ident.gap.problem import JointProblem, gain
 from ident.gap.search import GAIN, LEVEL
 from ident.gap.subject import Subject
 
@@ -72,3 +72,18 @@ def test_joints_that_tell_ask_for_as_much_as_there_is(monkeypatch, shares, error
     assert chance_in_all(None, fitted, [None] * 4, lead) == 1.0
     payload = Whole(Payload(None), np.zeros(0), np.ones(4), np.zeros((4, 4)), 1.0, 1.0)
     assert chance_in_all(None, fitted, [None] * 4, payload) == 1.0
+
+
+def test_rows_that_an_encoder_does_not_show_tell_nothing_of_a_delay(monkeypatch):
+    rng = np.random.default_rng(1)
+    column, turned = rng.standard_normal(600), np.arange(600) % 5 == 0
+    target = np.where(turned, 4.0, 1.0) * column + 0.1 * rng.standard_normal(600)
+    problem = JointProblem(np.ones((600, 1)), target, np.arange(600) // 200, np.arange(600) > 2)
+    monkeypatch.setattr(borne_out, "columns_of", lambda panel, whole, joint: column)
+
+    def share(unseen):
+        return borne_out._share(SimpleNamespace(unseen=unseen[:, None]), problem, None, 0)
+
+    assert share(np.zeros(600, dtype=bool))[0] > 1.3
+    assert share(turned) == (pytest.approx(1.0, abs=0.02), pytest.approx(0.0045, rel=0.3))
+    assert share(np.ones(600, dtype=bool)) == (0.0, np.inf)

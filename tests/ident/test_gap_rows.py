@@ -1,17 +1,21 @@
 """Rows that the workflow looks at, and what is known of them."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from planar_arm import logs, record
 
+from ident.coupling import Coupling
 from ident.effects.attached import Payload
 from ident.effects.base import Term
 from ident.effects.friction import Viscous
 from ident.effects.friction_curve import Sigmoid
 from ident.errors import InputError
 from ident.gap import baseline_model, find_gap
+from ident.gap.counts import encoder_counts
+from ident.gap.panel import Panel
 from ident.gap.rows import held_of, panel_of, survey_of
 from ident.model import NEWTON_METRE, CurrentModel
 
@@ -75,8 +79,30 @@ def test_rows_within_two_counts_of_a_turn_are_those_of_coarse_encoders_alone(arm
     )
     panel = panel_of(model, [seen])
     np.testing.assert_allclose(panel.counts, [fine, coarse], rtol=1e-6)
-    np.testing.assert_allclose(panel.hidden, [0.0, 2.0 * coarse], rtol=1e-6)
-    turned, after = np.sign(panel.velocity[1:, 1]) != np.sign(panel.velocity[:-1, 1]), panel.after_turns
+    np.testing.assert_allclose(panel.least_seen, [0.0, 2.0 * coarse], rtol=1e-6)
+    turned, after = np.sign(panel.velocity[1:, 1]) != np.sign(panel.velocity[:-1, 1]), panel.unseen
     assert not after[:, 0].any()
     assert after[1:, 1][turned].all()
     assert after[:, 1].mean() < 0.2
+
+
+def test_counts_are_those_of_the_coarsest_log_whatever_their_zeros(arm):
+    count = 1.5e-3
+    (log, *_) = logs(arm, 1)
+    model = baseline_model(arm, [log])
+
+    def counted(zero, count=count):
+        return replace(log, q=np.round(log.q / count) * count + zero, name=f"{zero} {count}")
+
+    for train in ([counted(0.0), counted(3.7e-4)], [counted(0.0), counted(0.0, 1e-5)]):
+        np.testing.assert_allclose(panel_of(model, train).counts, [count, count], rtol=1e-6)
+    assert not encoder_counts(np.random.default_rng(1).uniform(size=(40, 2))).any()
+    assert not encoder_counts(np.ones((40, 2))).any()
+
+
+def test_counts_of_coupled_motors_are_the_motors():
+    coupling = Coupling(np.array([[1.0, 0.0], [0.31, 1.0]]))
+    motors = 1.5e-3 * np.random.default_rng(1).integers(0, 99, (300, 2))
+    block = SimpleNamespace(log=SimpleNamespace(q=motors @ np.linalg.inv(coupling.matrix).T))
+    model = SimpleNamespace(robot=SimpleNamespace(coupling=coupling))
+    np.testing.assert_allclose(Panel(model, [block], [], [], np.zeros(0, dtype=int)).counts, 1.5e-3)

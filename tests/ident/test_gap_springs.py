@@ -11,11 +11,15 @@ from ident.gap.search import Beside
 from ident.gap.subject import Subject
 
 
-def test_a_hose_that_hangs_slack_about_its_middle_is_a_spring(arm):
-    found = structure(arm, hidden=lambda t, q, dq: 0.8 * np.sign(q[:, 1]) * np.maximum(np.abs(q[:, 1]) - 0.25, 0.0))
-    (one,) = found.findings
+@pytest.mark.parametrize(("slack", "inside"), [(0.25, 0.0), (0.5, 0.4)])
+def test_a_hose_that_hangs_slack_about_its_middle_is_a_spring(arm, slack, inside):
+    def hidden(t, q, dq):
+        return 1.2 * np.sign(q[:, 1]) * np.maximum(np.abs(q[:, 1]) - slack, 0.0) + inside * q[:, 1]
+
+    (one,) = structure(arm, hidden=hidden).findings
     assert (one.effect, one.joints) == ("cable-spring", (1,))
-    assert one.parameters["slack"] == pytest.approx(0.25, rel=0.1)
+    figures = [one.parameters[name] for name in ("slack", "slack_stiffness", "stiffness")]
+    np.testing.assert_allclose(figures, [slack, inside, inside + 1.2], rtol=0.15, atol=0.05)
 
 
 @pytest.mark.parametrize(("stiffness", "is_spring"), [(0.5, True), (0.0, False)])
