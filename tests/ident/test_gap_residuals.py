@@ -11,6 +11,7 @@ from ident.gap.bursts import bursts
 from ident.gap.counts import counted_acceleration
 from ident.gap.gate import Gate, surrogates
 from ident.gap.memory import remembered
+from ident.gap.panel import Panel
 from ident.gap.problem import JointProblem
 from ident.gap.spectrum import spectral_line
 from ident.gap.wander import wandering
@@ -165,7 +166,8 @@ def test_counts_feign_an_acceleration_of_that_size_at_constant_speed(share):
     q = np.floor(counts)[:, None] * count
     log = JointLog(t=t, q=q, current=np.zeros_like(q))
     feigned = np.abs(derive(log, cutoff).ddq[600:-400]).max()
-    panel, survey = SimpleNamespace(blocks=[SimpleNamespace(log=log)]), SimpleNamespace(cutoff=cutoff)
+    model, survey = SimpleNamespace(robot=SimpleNamespace(coupling=None)), SimpleNamespace(cutoff=cutoff)
+    panel = Panel(model, [SimpleNamespace(log=log)], [], [], np.zeros(0, dtype=int))
     assert feigned < counted_acceleration(panel, survey, 0) < 10.0 * feigned
 
 
