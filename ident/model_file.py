@@ -143,12 +143,12 @@ def _read(robot: Robot, written: dict[str, Any], path: Path) -> Term:
     if joint is not None and not 0 <= joint < robot.n:
         raise ValueError(f"joint {joint + 1}")
     effect: Effect = kinds[written["effect"]](joint, **options)
+    if [s["name"] for s in written["shape"]] != [s.name for s in effect.shapes]:
+        raise InputError(f"another version's law of {effect.name}", str(path), "identify again")
     names = [c["name"] for c in written["coefficients"]]
     if names != [c.name for c in effect.coefficients(robot)]:
         what = f"parameters of {effect.name} do not fit the robot's URDF"
         raise InputError(what, str(path), "give the URDF that the model was identified with")
-    if [s["name"] for s in written["shape"]] != [s.name for s in effect.shapes]:
-        raise InputError(f"another version's law of {effect.name}", str(path), "identify again")
     return Term(
         effect,
         np.array([s["value"] for s in written["shape"]], dtype=float),
