@@ -68,6 +68,11 @@ class BuildsUp(Effect):
     presliding: float = field(default=0.0, kw_only=True)
     presliding_exponent: float = field(default=1.0, kw_only=True)
 
+    def yielding(self, survey: Survey) -> Self:
+        """Return the same effect that builds up as the dry friction of its joint does in the logs."""
+        displacement, exponent = float(survey.presliding[self.at]), float(survey.presliding_exponent[self.at])
+        return replace(self, presliding=displacement, presliding_exponent=exponent)
+
     def start(self) -> FloatArray:
         """Return what ``follow`` remembers; nothing without presliding."""
         return BEFORE_FIRST.copy() if self.presliding > 0.0 else np.zeros(0)
@@ -89,9 +94,7 @@ class DirectedEffect(VelocityEffect, BuildsUp):
     @classmethod
     def seen(cls, survey: Survey, joint: int, *options: float | None) -> Self:
         """Return the effect of a joint with the direction that the logs ask for, and options of its own in order."""
-        effect = super().seen(survey, joint, *options)
-        displacement, exponent = float(survey.presliding[joint]), float(survey.presliding_exponent[joint])
-        return replace(effect, presliding=displacement, presliding_exponent=exponent)
+        return super().seen(survey, joint, *options).yielding(survey)
 
     def turned_as(self, friction: VelocityEffect) -> Self:
         """Return the same effect with the direction of another of its joint."""

@@ -59,10 +59,8 @@ class CrossJointFriction(BuildsUp):
         """Try every other joint as the source, with the joint and against it, yielding as the joint's friction does."""
         if joint is None:
             return []
-        displacement, exponent = float(survey.presliding[joint]), float(survey.presliding_exponent[joint])
-        own = cls(joint, presliding=displacement, presliding_exponent=exponent)
         others = [k for k in range(survey.robot.n) if k != joint]
-        return [replace(own, source=k, side=side) for k in others for side in (1, -1)]
+        return [cls(joint, k, side).yielding(survey) for k in others for side in (1, -1)]
 
     @property
     def measured_on(self) -> int:

@@ -30,9 +30,10 @@ def encoder_counts(q: FloatArray) -> FloatArray:
     for joint, positions in enumerate(q.T):
         steps = np.diff(np.unique(positions))
         steps = steps[steps > ROUNDING]
-        multiples = steps / np.min(steps, initial=np.inf)
+        least = np.min(steps, initial=np.inf)
+        multiples = steps / least
         if len(steps) >= STEPS and np.mean(np.abs(multiples - np.round(multiples)) < WHOLE) >= MOSTLY:
-            counts[joint] = steps.min()
+            counts[joint] = least
     return counts
 
 
