@@ -19,7 +19,7 @@ from ident.gap.memory import remembered
 from ident.gap.nameless import may_have_no_name
 from ident.gap.panel import Panel
 from ident.gap.problem import JointProblem
-from ident.gap.report import ITS_SIZE, Unexplained
+from ident.gap.report import ITS_SIZE, OF_RESTS, Unexplained
 from ident.gap.spectrum import spectral_line
 from ident.gap.unsure import BEYOND
 from ident.gap.wander import wandering
@@ -142,7 +142,7 @@ def unexplained(
         return [Unexplained((gap.joint,), ("t (its own past)",), past)]
     squares_held = float(held @ held)
     at_rest = squares_held / max(squares_held + float(problem.residual @ problem.residual), 1e-300)
-    signals = (f"dq{gap.joint + 1} (about rests, more than friction holds)",)
+    signals = (f"dq{gap.joint + 1}{OF_RESTS}",)
     return [Unexplained((gap.joint,), signals, at_rest)] if at_rest > WORTH_SAYING else []
 
 

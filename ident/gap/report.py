@@ -20,6 +20,9 @@ from ident.model import CurrentModel
 ITS_SIZE = " (its size)"
 """Ends the name of a signal that only the size of what is unexplained follows."""
 
+OF_RESTS = " (about rests, more than friction holds)"
+"""The same of one that is unexplained in rests that are left out."""
+
 
 @dataclass(frozen=True, eq=False)
 class Finding:
@@ -93,6 +96,11 @@ class Unexplained:
     share: float
 
     @property
+    def of_rests(self) -> bool:
+        """Whether it is in rests that are left out, and not in the rows looked at."""
+        return any(signal.endswith(OF_RESTS) for signal in self.depends_on)
+
+    @property
     def follows_motion(self) -> bool:
         """Whether motion tells it, or its size, and not the clock alone."""
         return not any(signal.startswith("t ") for signal in self.depends_on)
@@ -137,5 +145,6 @@ class GapReport:
         """RMS (n,) of what is left on the rows looked at and nothing predicts, in the current's unit."""
         squares = np.nanmean(self.residuals[1] ** 2, axis=0)
         for one in self.unexplained:
-            squares[list(one.joints)] *= 1.0 - one.share
+            if not one.of_rests:
+                squares[list(one.joints)] *= 1.0 - one.share
         return np.asarray(np.sqrt(squares) / self.model.gain)

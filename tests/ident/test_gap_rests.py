@@ -172,6 +172,7 @@ def test_bursts_at_rest_beyond_what_friction_holds_are_unexplained(arm):
     assert (found.rests, found.findings) == ((0, 1), ())
     (one,) = found.unexplained
     assert (one.joints, one.depends_on) == ((1,), ("dq2 (about rests, more than friction holds)",))
+    np.testing.assert_allclose(found.noise_floor, NOISE, rtol=0.1)
 
 
 def test_a_joint_that_stands_while_others_are_moved_sticks(arm):
